@@ -1,0 +1,120 @@
+"""The words that every room shares: Take, Finding, Solution, Outcome.
+
+F is the number of frames (always the first axis) and M the number of markers (or joints). Frame numbers inside
+are indices from 0 and spans are half open; reports add ``Take.first_frame`` and close them.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapclean.skeleton import Skeleton
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+
+def _freeze(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """Something a rule or a format says of a take.
+
+    ``frames`` is a half-open span of indices (start, stop); ``marker`` or ``frames`` are None when the finding is
+    about the whole take. ``level`` is "info", "warning" or "error"; ``advice`` says what to do.
+    """
+
+    rule: str
+    message: str
+    level: str = "info"
+    marker: str | None = None
+    frames: tuple[int, int] | None = None
+    advice: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReadOptions:
+    """What a file does not say of itself and its user may.
+
+    skeleton: the .asf of an .amc; rate: Hz, for formats that have none (AMC); unit: millimetres per unit of
+    length, for formats that have none (BVH); points: names of C3D points to read as markers even though the file
+    lists them as something else.
+    """
+
+    skeleton: Path | None = None
+    rate: float | None = None
+    unit: float | None = None
+    points: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """Where a take was read from: its path, format, the options it was read with, and the kept document."""
+
+    path: Path
+    format: str
+    options: ReadOptions
+    document: Any = field(repr=False)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Take:
+    """A capture as a marker matrix.
+
+    positions: (F, M, 3) float64, millimetres, finite wherever trusted.
+    trusted: (F, M) bool, the only word on what is missing or doubted; NaN is never a signal.
+    filled: (F, M) bool, samples whose position a solver has supplied since reading; writing changes only these.
+    markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of
+    frame 0. skeleton: the joints and bones, if known. The arrays are read-only.
+    """
+
+    positions: Floats
+    trusted: Bools
+    markers: tuple[str, ...]
+    rate: float
+    filled: Bools = None  # type: ignore[assignment]
+    first_frame: int = 1
+    skeleton: Skeleton | None = None
+    findings: tuple[Finding, ...] = ()
+    origin: Origin | None = None
+
+    def __post_init__(self) -> None:
+        n_frames, n_markers = self.trusted.shape
+        if self.filled is None:
+            object.__setattr__(self, "filled", np.zeros((n_frames, n_markers), dtype=bool))
+        if self.positions.shape != (n_frames, n_markers, 3) or self.filled.shape != (n_frames, n_markers):
+            raise ValueError(
+                f"positions must be (F, M, 3) and filled (F, M) for trusted {self.trusted.shape}. "
+                f"Got {self.positions.shape} and {self.filled.shape}."
+            )
+        if len(self.markers) != n_markers or len(set(self.markers)) != n_markers:
+            raise ValueError(f"markers must be {n_markers} distinct names. Got {len(self.markers)}.")
+        for name in ("positions", "trusted", "filled"):
+            object.__setattr__(self, name, _freeze(getattr(self, name)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A solver's answer.
+
+    positions: (F, M, 3) millimetres, finite where ``filled``. filled: (F, M) bool, the samples it answers for.
+    sd: (F, M) millimetres, its own expected error per coordinate, or None. trace: the objective or residual after
+    each iteration. facts: what the method chose by itself, such as a rank.
+    """
+
+    positions: Floats
+    filled: Bools
+    sd: Floats | None = None
+    converged: bool = True
+    iterations: int = 0
+    reason: str = "closed form"
+    trace: tuple[float, ...] = ()
+    facts: Mapping[str, float | int | str] = field(default_factory=dict)
