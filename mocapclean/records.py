@@ -5,13 +5,14 @@ are indices from 0 and spans are half open; reports add ``Take.first_frame`` and
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.metrics import Error, Length
 from mocapclean.skeleton import Skeleton
 
 Floats = NDArray[np.float64]
@@ -100,6 +101,21 @@ class Take:
         for name in ("positions", "trusted", "filled"):
             object.__setattr__(self, name, _freeze(getattr(self, name)))
 
+    def select(self, columns: NDArray[np.intp]) -> "Take":
+        """The take with only these markers, by column; it can no longer be written to its own file."""
+        return replace(
+            self,
+            positions=self.positions[:, columns],
+            trusted=self.trusted[:, columns],
+            filled=self.filled[:, columns],
+            markers=tuple(self.markers[c] for c in columns),
+            origin=None,
+        )
+
+    def numbers(self, start: int, stop: int) -> tuple[int, int]:
+        """A half-open span of indices as the file's own first and last frame numbers."""
+        return start + self.first_frame, stop - 1 + self.first_frame
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
@@ -118,3 +134,79 @@ class Solution:
     reason: str = "closed form"
     trace: tuple[float, ...] = ()
     facts: Mapping[str, float | int | str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """A run of untrusted samples of one marker, and what became of it.
+
+    start, stop: half-open indices. rules: why it was distrusted. n_filled: how many of its samples were filled;
+    left_because: why not all of them. error: against the reference, if one was given.
+    """
+
+    marker: str
+    start: int
+    stop: int
+    rules: tuple[str, ...]
+    n_filled: int = 0
+    left_because: str = ""
+    error: Error | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BoneReport:
+    """One bone before and after the repair; reference: its known length, or the take's median, mm."""
+
+    start: str
+    end: str
+    reference: float
+    before: Length
+    after: Length
+
+
+@dataclass(frozen=True, kw_only=True)
+class Counts:
+    """Samples of the markers in play: all, distrusted (missing among them), filled, left, invalidated."""
+
+    samples: int
+    untrusted: int
+    missing: int
+    filled: int
+    left: int
+    invalidated: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What happened to one take: everything that a report says, and nothing that it computes.
+
+    status is "repaired", "unchanged", "skipped" or "failed"; lengths are millimetres, spans are half-open indices.
+    """
+
+    source: Path
+    status: str
+    output: Path | None = None
+    error: str = ""
+    exit_code: int = 0
+    seconds: float = 0.0
+    source_sha256: str = ""
+    output_sha256: str = ""
+    format: str = ""
+    n_frames: int = 0
+    n_markers: int = 0
+    first_frame: int = 1
+    rate: float = 0.0
+    method: str = ""
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+    counts: Counts | None = None
+    gaps: tuple[Gap, ...] = ()
+    findings: tuple[Finding, ...] = ()
+    solution: Mapping[str, Any] = field(default_factory=dict)
+    reference: Path | None = None
+    accuracy: Error | None = None
+    accuracy_by_marker: Mapping[str, Error] = field(default_factory=dict)
+    accuracy_by_length: Mapping[str, Error] = field(default_factory=dict)
+    fitting: Error | None = None
+    bones_from: str = ""
+    bones: tuple[BoneReport, ...] = ()
+    skeleton_rmse: tuple[float | None, float | None] = (None, None)

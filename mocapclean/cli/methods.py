@@ -1,0 +1,47 @@
+"""``mocapclean methods``: every method, its parameters, defaults and reference."""
+
+import inspect
+from dataclasses import fields
+from types import ModuleType
+
+import click
+from pydantic import TypeAdapter
+
+from mocapclean.cli.guard import guarded
+from mocapclean.config import DEFAULT_METHOD
+from mocapclean.errors import UsageError
+from mocapclean.report.text import table
+from mocapclean.solvers import SOLVERS
+
+
+@click.command("methods")
+@click.argument("names", nargs=-1)
+@guarded
+def command(names: tuple[str, ...]) -> int:
+    """List the methods, or show NAMES in full: model, source, parameters."""
+    for name in names:
+        if name not in SOLVERS:
+            raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {name!r}.")
+    blocks = [_block(name, SOLVERS[name], full=bool(names)) for name in names or SOLVERS]
+    click.echo("\n\n".join(blocks))
+    return 0
+
+
+def _block(name: str, module: ModuleType, *, full: bool) -> str:
+    text = inspect.cleandoc(module.__doc__ or "")
+    default = " (default)" if name == DEFAULT_METHOD else ""
+    lines = [
+        f"{name}{default}",
+        *(f"  {line}".rstrip() for line in (text if full else text.splitlines()[0]).splitlines()),
+    ]
+    lines.append(f"  Source: {module.REFERENCE}")
+    properties = TypeAdapter(module.Params).json_schema().get("properties", {})
+    rows = [
+        [
+            field.name,
+            str(properties[field.name].get("default")),
+            properties[field.name].get("description", ""),
+        ]
+        for field in fields(module.Params)
+    ]
+    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "what it is"]) if rows)])

@@ -1,0 +1,237 @@
+"""YAML and command line -> frozen Settings; what is unknown or mistyped is refused with its place."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from types import ModuleType
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+    create_model,
+)
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+
+from mocapclean.errors import ConfigError
+from mocapclean.parameters import STRICT
+from mocapclean.solvers import SOLVERS
+from mocapclean.trust import RULES
+
+DEFAULT_METHOD = "trnn2"
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+
+_SECTION = ConfigDict(**STRICT, frozen=True)
+_PATHS = ("skeleton", "gaps", "reference", "output", "out_dir", "report")
+
+
+def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
+    """A section with one key for each module, holding the module's ``Params``."""
+    keys: dict[str, Any] = {
+        key: (module.Params, Field(default_factory=module.Params)) for key, module in modules.items()
+    }
+    return create_model(name, __config__=_SECTION, **keys)
+
+
+Methods = _section("Methods", SOLVERS)
+Trust = _section("Trust", RULES)
+
+
+class Settings(BaseModel):
+    """Every option of the command. Lengths are millimetres, times are frames."""
+
+    model_config = _SECTION
+
+    method: Literal[tuple(SOLVERS)] = DEFAULT_METHOD  # type: ignore[valid-type]
+    methods: Methods = Field(default_factory=Methods)  # type: ignore[valid-type]
+    detect: bool = Field(default=True, description="look for samples that cannot be trusted")
+    trust: Trust = Field(default_factory=Trust)  # type: ignore[valid-type]
+    skeleton: Path | None = Field(default=None, description=".asf or .bvh with joints and bones")
+    rate: PositiveFloat | None = Field(default=None, description="frames per second, for files that do not say")
+    unit: Literal["mm", "cm", "m", "in"] | PositiveFloat | None = Field(
+        default=None,
+        description="unit of length of a BVH file: mm, cm (default), m, in, or millimetres per unit",
+    )
+    gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
+    max_gap: PositiveInt | None = Field(default=None, description="leave gaps of more frames than this")
+    max_left: Annotated[str | int, Field(union_mode="left_to_right")] | None = Field(
+        default=None, description="fail a take with more samples left: a number, or a percentage such as 2%"
+    )
+    markers: tuple[str, ...] = Field(default=(), description="markers to repair; wildcards allowed")
+    exclude: tuple[str, ...] = Field(default=(), description="markers to leave out altogether")
+    invalidate: bool = Field(default=False, description="mark as missing (C3D) what is distrusted and not filled")
+    reference: Path | None = Field(default=None, description="the true take, for RMSE")
+    output: Path | None = Field(default=None, description="the repaired file, for one input")
+    out_dir: Path | None = Field(default=None, description="folder for the repaired files")
+    overwrite: bool = Field(default=False, description="replace outputs that exist")
+    report: bool | Path = Field(default=True, description="where the report goes, or false for none")
+    quiet: bool = Field(default=False, description="print nothing but errors")
+    verbose: bool = Field(default=False, description="print every gap, bone and finding")
+
+    @property
+    def params(self) -> Any:
+        """The chosen method's parameters."""
+        return getattr(self.methods, self.method)
+
+    @property
+    def rules(self) -> dict[str, Any]:
+        """The trust rules to run, by name."""
+        names = RULES if self.detect else ("missing",)
+        return {name: getattr(self.trust, name) for name in names}
+
+    @property
+    def unit_mm(self) -> float | None:
+        """Millimetres per unit of length, if the user said so."""
+        return MILLIMETRES[self.unit] if isinstance(self.unit, str) else self.unit
+
+    def left_limit(self, n_samples: int) -> float | None:
+        """The largest number of samples that may be left, or None without a limit."""
+        if self.max_left is None:
+            return None
+        text = str(self.max_left)
+        return float(text.rstrip("%")) * (n_samples / 100 if text.endswith("%") else 1)
+
+
+def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence[str] = ()) -> Settings:
+    """Settings from a YAML file, then the command's options, then ``--set`` assignments; the later wins.
+
+    options: values by key. assignments: "name=value" for a parameter of the chosen method, "a.b=value" for anything.
+    Paths in the file are relative to its folder. Raises ConfigError with every fault, its file, line and key.
+    """
+    tree = _load(path) if path else CommentedMap()
+    plain = _plain(tree)
+    if path:
+        for key in _PATHS:
+            if isinstance(plain.get(key), str):
+                plain[key] = path.parent / plain[key]
+    plain.update(options)
+    for assignment in assignments:
+        _assign(plain, assignment)
+    try:
+        # Strict JSON takes mappings for sections and text for paths, but no text for numbers: just what YAML needs.
+        settings = Settings.model_validate_json(json.dumps(plain, default=str))
+    except ValidationError as invalid:
+        faults = [_sentence(fault, path, tree) for fault in _distinct(invalid)]
+        raise ConfigError("\n".join(faults)) from None
+    _check_left(settings, path)
+    return settings
+
+
+def _check_left(settings: Settings, path: Path | None) -> None:
+    try:
+        limit = settings.left_limit(100)
+    except ValueError:
+        limit = -1.0
+    if limit is not None and not 0 <= limit < float("inf"):
+        raise ConfigError(
+            f"{path or 'command line'}: max_left must be a number of samples or a percentage. "
+            f"Got {settings.max_left!r}."
+        )
+
+
+def _load(path: Path) -> CommentedMap:
+    try:
+        tree = YAML(typ="rt").load(path.read_text(encoding="utf-8"))
+    except OSError as fault:
+        raise ConfigError(f"{path}: cannot be read: {fault.strerror}.") from None
+    except UnicodeDecodeError as fault:
+        raise ConfigError(f"{path}, byte {fault.start}: a configuration must be UTF-8 text.") from None
+    except YAMLError as fault:
+        mark = getattr(fault, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(fault, "problem", None) or str(fault).splitlines()[0]
+        raise ConfigError(f"{path}{line}: not valid YAML: {problem}.") from None
+    if tree is None:
+        return CommentedMap()
+    if not isinstance(tree, CommentedMap):
+        raise ConfigError(f"{path}, line 1: a configuration must be a mapping of keys to values.")
+    return tree
+
+
+def _plain(node: Any) -> Any:
+    if isinstance(node, CommentedMap):
+        return {str(key): _plain(value) for key, value in node.items()}
+    if isinstance(node, CommentedSeq):
+        return [_plain(item) for item in node]
+    for kind in (bool, int, float, str):
+        if isinstance(node, kind):
+            return kind(node)
+    return node
+
+
+def _assign(plain: dict[str, Any], assignment: str) -> None:
+    name, equals, text = assignment.partition("=")
+    if not equals or not name:
+        raise ConfigError(f"--set must be name=value. Got {assignment!r}.")
+    try:
+        value = YAML(typ="safe", pure=True).load(text) if text else ""
+    except YAMLError:
+        value = text
+    keys = name.split(".") if "." in name else ["methods", str(plain.get("method", DEFAULT_METHOD)), name]
+    branch = plain
+    for key in keys[:-1]:
+        branch = branch.setdefault(key, {})
+        if not isinstance(branch, dict):
+            raise ConfigError(f"--set {assignment}: {key!r} is a value, not a section.")
+    branch[keys[-1]] = value
+
+
+def _distinct(invalid: ValidationError) -> Iterator[ErrorDetails]:
+    """One fault for each place: a value that fits no branch of a union is reported once."""
+    seen = set()
+    for fault in invalid.errors(include_url=False):
+        place = tuple(_keys(fault["loc"]))
+        if place not in seen:
+            seen.add(place)
+            yield fault
+
+
+def _keys(place: tuple[int | str, ...]) -> Iterator[str]:
+    """The part of a fault's place that consists of keys of the settings."""
+    section: Any = Settings
+    for key in place:
+        fields = _fields(section)
+        yield str(key)
+        if str(key) not in fields:
+            return
+        section = fields[str(key)].annotation
+
+
+def _fields(section: Any) -> Mapping[str, Any]:
+    return getattr(section, "model_fields", None) or getattr(section, "__pydantic_fields__", {})
+
+
+def _sentence(fault: ErrorDetails, path: Path | None, tree: CommentedMap) -> str:
+    keys = list(_keys(fault["loc"]))
+    line = _line(tree, keys)
+    source = f"{path}, line {line}" if line else "command line"
+    name = ".".join(keys)
+    if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        section: Any = Settings
+        for key in keys[:-1]:
+            section = _fields(section)[key].annotation
+        allowed = sorted(_fields(section))
+        near = get_close_matches(keys[-1], allowed, n=1)
+        hint = f" Did you mean {near[0]!r}?" if near else ""
+        return f"{source}: unknown key {name!r}.{hint} Allowed: {', '.join(allowed) or 'none'}."
+    message = fault["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return f"{source}: {name} must be {message}. Got {fault['input']!r}."
+
+
+def _line(tree: Any, keys: Sequence[str]) -> int | None:
+    """The line of the deepest of these keys that the file holds all the way down."""
+    line = None
+    for key in keys:
+        if not isinstance(tree, CommentedMap) or key not in tree:
+            return line if line and not isinstance(tree, CommentedMap) else None
+        line = tree.lc.key(key)[0] + 1
+        tree = tree[key]
+    return line

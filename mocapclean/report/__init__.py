@@ -1,0 +1,1 @@
+"""Outcomes -> JSON and text. Renders, computes nothing."""

@@ -1,0 +1,220 @@
+"""The report for a terminal: the same record, short and aligned."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from mocapclean.metrics import Error
+from mocapclean.records import Finding, Gap, Outcome
+
+_LABEL = 12
+
+
+def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = None) -> str:
+    """One repaired (or failed) take in a few lines; with ``verbose``, every gap and finding too."""
+    if outcome.status == "failed":
+        return f"{outcome.source}\n{_line('failed', outcome.error)}"
+    lines = [
+        f"{outcome.source} -> {outcome.output}",
+        _line("take", _shape(outcome)),
+        _line("distrusted", _distrusted(outcome)),
+        _line("filled", _filled(outcome)),
+        *_left(outcome),
+        *_accuracy(outcome),
+        *_stored(outcome),
+        *_bones(outcome),
+        *_findings(outcome.findings, outcome.first_frame, verbose),
+    ]
+    if verbose:
+        lines += ["", *_gap_table(outcome)]
+    if outcome.error:
+        lines.append(_line("failed", outcome.error))
+    closing = f"{outcome.seconds:.1f} s" + (f", report in {report}" if report else "")
+    return "\n".join([*lines, _line("done", closing)])
+
+
+def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
+    """What is in a take and where its gaps are."""
+    lines = [
+        f"{outcome.source}",
+        _line("take", _shape(outcome)),
+        _line("distrusted", _distrusted(outcome)),
+        *_bones(outcome),
+        *_findings(outcome.findings, outcome.first_frame, verbose),
+    ]
+    if outcome.gaps:
+        lines += ["", *_marker_table(outcome)]
+        if verbose:
+            lines += ["", *_gap_table(outcome)]
+    return "\n".join(lines)
+
+
+def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
+    """Aligned columns: the first to the left, numbers to the right."""
+    cells = [list(header), *(list(row) for row in rows)]
+    widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
+    numeric = [
+        k > 0 and all(row[k][:1].isdigit() or row[k] in ("", "-") for row in cells[1:])
+        for k in range(len(header))
+    ]
+    return [
+        "  "
+        + "  ".join(
+            c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True)
+        ).rstrip()
+        for row in cells
+    ]
+
+
+def _line(label: str, text: str) -> str:
+    return f"  {label:<{_LABEL}}{text}"
+
+
+def _plural(count: int, word: str) -> str:
+    return f"{count:,} {word}{'' if count == 1 else 's'}"
+
+
+def _shape(outcome: Outcome) -> str:
+    first, last = outcome.first_frame, outcome.first_frame + outcome.n_frames - 1
+    seconds = outcome.n_frames / outcome.rate
+    return (
+        f"{outcome.format.upper()}, {_plural(outcome.n_markers, 'marker')} x {_plural(outcome.n_frames, 'frame')} "
+        f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
+    )
+
+
+def _distrusted(outcome: Outcome) -> str:
+    counts = outcome.counts
+    assert counts is not None
+    if not counts.untrusted:
+        return "nothing"
+    by_rule = Counter(rule for gap in outcome.gaps for rule in gap.rules)
+    rules = ", ".join(f"{rule} {count}" for rule, count in by_rule.items())
+    share = 100 * counts.untrusted / counts.samples
+    longest = max(gap.stop - gap.start for gap in outcome.gaps)
+    return (
+        f"{_plural(counts.untrusted, 'sample')} ({share:.2f} %) in {_plural(len(outcome.gaps), 'gap')} ({rules}), "
+        f"longest {_plural(longest, 'frame')}"
+    )
+
+
+def _filled(outcome: Outcome) -> str:
+    counts = outcome.counts
+    assert counts is not None
+    if not counts.untrusted:
+        return "nothing to fill; the output is identical to the input"
+    facts = outcome.solution
+    how = f"by {outcome.method}"
+    if facts.get("iterations"):
+        state = "converged" if facts.get("converged") else "not converged"
+        how += f" ({_plural(facts['iterations'], 'iteration')}, {state}: {facts.get('reason')})"
+    return f"{_plural(counts.filled, 'sample')} {how}"
+
+
+def _left(outcome: Outcome) -> Iterable[str]:
+    counts = outcome.counts
+    assert counts is not None
+    if counts.left:
+        reasons: Counter[str] = Counter()
+        for gap in outcome.gaps:
+            if gap.left_because:
+                reasons[gap.left_because] += gap.stop - gap.start - gap.n_filled
+        yield _line("LEFT", f"{_plural(counts.left, 'sample')} unfilled")
+        for reason, count in reasons.most_common():
+            yield _line("", f"{count:,} {reason}")
+    if counts.invalidated:
+        yield _line("invalidated", f"{_plural(counts.invalidated, 'sample')} marked missing in the output")
+
+
+def _accuracy(outcome: Outcome) -> Iterable[str]:
+    if outcome.reference is None:
+        return
+    if outcome.accuracy is None:
+        yield _line("error", f"no filled sample is known in {outcome.reference}")
+        return
+    yield _line("error", f"{_error(outcome.accuracy)}, against {outcome.reference}")
+    for name, found in outcome.accuracy_by_length.items():
+        yield _line("", f"gaps of {name} frames: {_error(found)}, {_plural(found.samples, 'sample')}")
+
+
+def _error(found: Error) -> str:
+    return f"{found.rmse:.2f} mm per coordinate, {found.rmse_3d:.2f} mm in 3D, largest {found.largest:.1f} mm"
+
+
+def _stored(outcome: Outcome) -> Iterable[str]:
+    found = outcome.fitting
+    if found is not None and found.largest >= 0.05:
+        yield _line(
+            "fitted",
+            f"{found.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {found.largest:.1f} mm",
+        )
+
+
+def _bones(outcome: Outcome) -> Iterable[str]:
+    if not outcome.bones:
+        yield _line("bones", "none known, and no pair of markers is rigid in this take")
+        return
+    was, now = outcome.skeleton_rmse
+    kind = (
+        f"{len(outcome.bones)} from the skeleton"
+        if outcome.bones_from == "skeleton"
+        else f"{len(outcome.bones)} rigid pairs"
+    )
+    worst = max(outcome.bones, key=lambda bone: bone.after.deviation or 0.0)
+    text = f"{kind}, RMS length error {_mm(was)}"
+    if outcome.counts and outcome.counts.filled:
+        text += f" before, {_mm(now)} after"
+    yield _line("bones", f"{text}; largest {_mm(worst.after.deviation)} in {worst.start} - {worst.end}")
+
+
+def _mm(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.2f} mm"
+
+
+def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterable[str]:
+    whole = [finding for finding in findings if finding.marker is None or verbose]
+    for finding in whole:
+        if finding.rule == "missing":
+            continue
+        where = "" if finding.marker is None else f"{finding.marker}: "
+        frames = (
+            ""
+            if finding.frames is None
+            else f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
+        )
+        advice = f"; {finding.advice}" if finding.advice else ""
+        yield _line(
+            "note" if finding.level == "info" else finding.level, f"{where}{finding.message}{frames}{advice}"
+        )
+
+
+def _marker_table(outcome: Outcome) -> list[str]:
+    by_marker: dict[str, list[Gap]] = {}
+    for gap in outcome.gaps:
+        by_marker.setdefault(gap.marker, []).append(gap)
+    rows = []
+    for marker, gaps in by_marker.items():
+        samples = sum(gap.stop - gap.start for gap in gaps)
+        longest = max(gaps, key=lambda gap: gap.stop - gap.start)
+        span = f"{longest.start + outcome.first_frame}-{longest.stop - 1 + outcome.first_frame}"
+        share = f"{100 * samples / outcome.n_frames:.1f} %"
+        rows.append([marker, str(len(gaps)), str(samples), share, str(longest.stop - longest.start), span])
+    rows.sort(key=lambda row: -int(row[2]))
+    return table(rows, ["marker", "gaps", "samples", "share", "longest", "at frames"])
+
+
+def _gap_table(outcome: Outcome) -> list[str]:
+    first = outcome.first_frame
+    rows = [
+        [
+            gap.marker,
+            str(gap.start + first),
+            str(gap.stop - 1 + first),
+            str(gap.stop - gap.start),
+            ", ".join(gap.rules),
+            gap.left_because or ("filled" if gap.n_filled else "-"),
+            f"{gap.error.rmse:.2f}" if gap.error else "",
+        ]
+        for gap in outcome.gaps
+    ]
+    return table(rows, ["marker", "first", "last", "frames", "why", "what became of it", "RMSE mm"])

@@ -1,0 +1,27 @@
+"""Shared fixtures: the real captures, when they are at hand, and a seeded random generator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
+
+
+def capture_files(kind: str) -> list[Path]:
+    """All real captures of one kind (c3d, bvh, amc), sorted; empty where none are at hand."""
+    return sorted(p for p in (CAPTURES / kind).glob("*") if p.suffix.lower() == f".{kind}")
+
+
+@pytest.fixture(scope="session")
+def captures() -> Path:
+    """The folder of real captures."""
+    if not CAPTURES.is_dir():
+        pytest.skip("the real captures (../shared/data) are not at hand")
+    return CAPTURES
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    """A generator that gives the same numbers in every run."""
+    return np.random.default_rng(20181)
