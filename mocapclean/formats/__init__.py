@@ -34,6 +34,8 @@ def format_of(path: Path) -> str:
     for name, module in FORMATS.items():
         if path.suffix.lower() in module.SUFFIXES:
             return name
+    if path.suffix.lower() == ".asf":
+        raise FormatError(path, "an .asf file is a skeleton, not a take. Give the .amc file that goes with it.")
     known = ", ".join(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
     raise FormatError(path, f"the file name must end in one of {known}. Got {path.suffix or 'no suffix'!r}.")
 

@@ -1,0 +1,316 @@
+"""BVH (Biovision hierarchy): a tree of joints in text, and one row of channel values per frame.
+
+A joint's position channels replace its OFFSET, axis by axis, as MotionBuilder and Blender take them;
+rotations are multiplied in the order in which the channels are listed. End Sites are not joints. BVH names
+no unit of length: ``ReadOptions.unit`` says it, else a centimetre is assumed.
+"""
+
+import io
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mocapclean.errors import FormatError
+from mocapclean.formats import poses as kept
+from mocapclean.formats.poses import MARK, NUMBER, Document, decode, finite, line_at, load, positive, quote
+from mocapclean.records import Finding, Floats, Origin, ReadOptions, Take
+from mocapclean.skeleton import Channel, Skeleton
+
+SUFFIXES = (".bvh",)
+CENTIMETRE = 10.0
+
+STATEMENT = re.compile(rb"(?P<word>[{}]|[^\s{}]+)(?P<rest>[^\r\n{}]*)")
+MOTION = re.compile(rb"(?:^|[\r\n])[ \t]*MOTION[ \t]*(?=[\r\n]|$)", re.IGNORECASE)
+FRAMES = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)", re.IGNORECASE)
+FRAME_TIME = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S+)[ \t]*(?=[\r\n]|$)", re.IGNORECASE)
+CHANNEL = re.compile(rb"([XYZ])(position|rotation)", re.IGNORECASE)
+END_SITE = -2
+
+write = kept.write
+
+
+def sniff(head: bytes) -> bool:
+    """Whether a file's first bytes look like BVH."""
+    return head.removeprefix(MARK).lstrip()[:9].upper() == b"HIERARCHY"
+
+
+def read(path: Path, options: ReadOptions) -> Take:
+    """Read a BVH file as joint positions (F, J, 3) in millimetres; FormatError if it is none."""
+    raw = load(path)
+    motion, unit = _motion(path, raw), _unit(options)
+    document = _parse(path, raw, motion, unit)
+    positions, trusted = kept.joints(document)
+    assumed = Finding(
+        rule="units",
+        message=f"a BVH file names no unit of length; 1 unit is taken as {unit:g} mm",
+        advice="" if options.unit else "give the unit if lengths look wrong",
+    )
+    return Take(
+        positions=positions,
+        trusted=trusted,
+        markers=document.skeleton.names,
+        rate=_rate(path, motion, options),
+        skeleton=document.skeleton,
+        findings=(assumed,),
+        origin=Origin(path=path, format="bvh", options=options, document=document),
+    )
+
+
+def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
+    """The joints of a BVH file, ``unit`` (else 10) millimetres per unit; its motion is not read."""
+    raw = load(path)
+    motion = MOTION.search(raw)
+    return _Hierarchy(path, raw[: motion.start()] if motion else raw).skeleton(_unit(ReadOptions(unit=unit)))
+
+
+def prove(take: Take, path: Path) -> None:
+    """Raise FormatError unless ``path`` holds what ``take``, the return of ``write``, says and nothing else
+    new."""
+    unit = _unit(take.origin.options if take.origin else ReadOptions())
+    kept.prove(take, path, lambda raw: _parse(path, raw, _motion(path, raw), unit))
+
+
+def create(skeleton: Skeleton, poses: Floats, rate: float, path: Path, *, unit: float = CENTIMETRE) -> None:
+    """Write a new BVH file of poses (F, C), degrees and millimetres, with ``unit`` millimetres per unit.
+
+    The tree is written by bvhio; the motion is not, because bvhio passes angles through quaternions and
+    loses their spelling. NaN is written as ``nan``. ValueError if the skeleton is none that BVH can express.
+    """
+    import bvhio
+
+    if skeleton.parents.count(-1) != 1 or skeleton.after.any() or (skeleton.frames != np.eye(3)).any():
+        raise ValueError("skeleton must have one root, offsets before its joints only and no turned axes.")
+    nodes, columns = [bvhio.BvhJoint(name) for name in skeleton.names], _columns(skeleton)
+    for joint, parent in enumerate(skeleton.parents):
+        node = nodes[joint]
+        node.Offset = type(node.Offset)(*(skeleton.before[joint] / unit))
+        node.EndSite = node.Offset * 0
+        node.Channels = [_spell_channel(skeleton.channels[column]) for column in columns[joint]]
+        if parent >= 0:
+            nodes[parent].Children.append(node)
+    root = nodes[skeleton.parents.index(-1)]
+    order = [column for node, _, _ in root.layout() for column in columns[nodes.index(node)]]
+    scale = np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
+    bvhio.writeBvh(str(path), bvhio.BvhContainer(root, 0, 1 / rate), 6)
+    tree, _, time = path.read_text().rpartition("Frames: 0\n")
+    rows = io.StringIO()
+    np.savetxt(rows, (poses / scale)[:, order], fmt="%.6f")
+    path.write_text(f"{tree}Frames: {len(poses)}\n{time}{rows.getvalue()}", newline="\n")
+
+
+def _unit(options: ReadOptions) -> float:
+    return CENTIMETRE if options.unit is None else positive(options.unit, "the unit")
+
+
+def _columns(skeleton: Skeleton) -> list[list[int]]:
+    """Each joint's channels as BVH lists them: positions, then rotations in the order of multiplication."""
+    found: list[list[int]] = [[] for _ in skeleton.names]
+    moves = [index for index, channel in enumerate(skeleton.channels) if not channel.is_rotation]
+    for index in [*moves, *skeleton.product]:
+        found[skeleton.channels[index].joint].append(index)
+    return found
+
+
+def _spell_channel(channel: Channel) -> str:
+    return "XYZ"[channel.axis] + ("rotation" if channel.is_rotation else "position")
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Motion:
+    """The MOTION header: bytes of the section and of its first row, frames declared, frame time as
+    spelled."""
+
+    start: int
+    rows: int
+    frames: int
+    time: bytes
+    time_line: int
+
+
+def _motion(path: Path, raw: bytes) -> _Motion:
+    motion = MOTION.search(raw)
+    if not motion:
+        raise FormatError(path, "a BVH file must have a MOTION section. Got none; it may be cut off.")
+    frames = FRAMES.match(raw, motion.end())
+    time = FRAME_TIME.match(raw, frames.end()) if frames else None
+    if not frames or not time:
+        what, byte = ("Frame Time:", frames.end()) if frames else ("Frames:", motion.end())
+        raise FormatError(path, f"{what} and a number must follow. Got something else.", line=line_at(raw, byte))
+    if not re.fullmatch(rb"0*[1-9]\d{0,8}", frames[1]):
+        line = line_at(raw, frames.start(1))
+        raise FormatError(path, f"Frames: must be a whole number from 1. Got {quote(frames[1])}.", line=line)
+    return _Motion(
+        start=motion.start(),
+        rows=time.end(),
+        frames=int(frames[1]),
+        time=time[1],
+        time_line=line_at(raw, time.start(1)),
+    )
+
+
+def _rate(path: Path, motion: _Motion, options: ReadOptions) -> float:
+    """Frames per second: one over the frame time, or what the user says where that is no time."""
+    seconds = float(motion.time) if NUMBER.fullmatch(motion.time) else np.nan
+    if 0 < seconds < np.inf and 1 / seconds < np.inf:
+        return 1 / seconds
+    if options.rate is not None:
+        return positive(options.rate, "the rate")
+    message = f"Frame Time: must be a positive number of seconds. Got {quote(motion.time)}; give the rate."
+    raise FormatError(path, message, line=motion.time_line)
+
+
+def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> Document:
+    skeleton = _Hierarchy(path, raw[: motion.start]).skeleton(unit)
+    scale = np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
+    have, first = len(scale), line_at(raw, motion.rows)
+    lines = raw[motion.rows :].splitlines(keepends=True)
+    rows = [(index, tokens) for index, line in enumerate(lines) if (tokens := line.split())]
+    for index, tokens in rows:
+        if len(tokens) != have:
+            message = f"a row of motion must have {have} numbers. Got {len(tokens)}."
+            raise FormatError(path, message, line=first + index)
+    if len(rows) != motion.frames:
+        why = "the file may be cut off" if len(rows) < motion.frames else "correct the count"
+        message = f"the motion must have {motion.frames} rows, as Frames: declares. Got {len(rows)}; {why}."
+        raise FormatError(path, message, line=first + len(lines) - 1)
+    table = kept.numbers(path, [tokens for _, tokens in rows], [first + index for index, _ in rows])
+    begins = motion.rows + np.cumsum([0, *map(len, lines)])
+    return Document(
+        raw=raw,
+        skeleton=skeleton,
+        scale=scale,
+        poses=table.reshape(len(rows), have) * scale,
+        starts=np.append(begins[[index for index, _ in rows]], len(raw)),
+        places=np.broadcast_to(np.arange(have), (len(rows), have)),
+    )
+
+
+@dataclass
+class _Joint:
+    name: str
+    parent: int
+    offset: list[float] | None = None
+    channels: list[Channel] | None = None
+
+
+class _Hierarchy:
+    """The HIERARCHY section, read statement by statement and without recursion."""
+
+    def __init__(self, path: Path, text: bytes) -> None:
+        self.path, self.text, self.at = path, text, 0
+        self.joints: list[_Joint] = []
+        self.inside: list[int] = []  # the joints, or END_SITE, whose braces are open
+        self.named: int | None = None  # the joint, or END_SITE, whose brace must open now
+        read = {b"{": self._open, b"}": self._close, b"ROOT": self._joint, b"JOINT": self._joint}
+        read |= {b"END": self._end_site, b"OFFSET": self._offset, b"CHANNELS": self._channels}
+        read |= {b"HIERARCHY": self._hierarchy}
+        for match in STATEMENT.finditer(text, 3 if text.startswith(MARK) else 0):
+            self.at, word = match.start(), match["word"].upper()
+            if word not in read:
+                raise self._error(f"a statement must be a word of BVH. Got {quote(match['word'])}.")
+            if self.named is not None and word != b"{":
+                raise self._error(f"a brace must open after a joint's name. Got {quote(match['word'])}.")
+            read[word](word, match["rest"].strip())
+        if self.inside or self.named is not None or not self.joints:
+            raise self._error("every joint must be closed by a brace. Got the end; the file may be cut off.")
+
+    def skeleton(self, unit: float) -> Skeleton:
+        """The joints in millimetres; FormatError if one lacks its place or all lack channels."""
+        joints = self.joints
+        channels = tuple(channel for joint in joints for channel in joint.channels or ())
+        unplaced = [joint.name for joint in joints if joint.offset is None]
+        if unplaced or not channels:
+            what = f"joint {unplaced[0]!r} must have an OFFSET" if unplaced else "a joint must have CHANNELS"
+            raise FormatError(self.path, f"{what}. Got none.")
+        before = np.array([joint.offset for joint in joints]) * unit
+        for channel in channels:
+            if not channel.is_rotation:
+                before[channel.joint, channel.axis] = 0.0
+        return Skeleton(
+            names=_distinct([joint.name for joint in joints]),
+            parents=tuple(joint.parent for joint in joints),
+            before=before,
+            after=np.zeros_like(before),
+            frames=np.broadcast_to(np.eye(3), (len(joints), 3, 3)),
+            channels=channels,
+            product=tuple(index for index, channel in enumerate(channels) if channel.is_rotation),
+        )
+
+    def _error(self, message: str) -> FormatError:
+        return FormatError(self.path, message, line=line_at(self.text, self.at))
+
+    def _hierarchy(self, word: bytes, rest: bytes) -> None:
+        if rest or self.joints:
+            raise self._error("HIERARCHY must stand alone before the joints. Got it elsewhere.")
+
+    def _joint(self, word: bytes, rest: bytes) -> None:
+        if not rest:
+            raise self._error(f"{decode(word)} must be followed by a name. Got none.")
+        if (word == b"ROOT") == bool(self.inside) or self.inside[-1:] == [END_SITE]:
+            raise self._error(f"a ROOT must stand outside of joints, a JOINT inside of one. Got {decode(word)}.")
+        self.named = len(self.joints)
+        self.joints.append(_Joint(decode(rest), self.inside[-1] if self.inside else -1))
+
+    def _end_site(self, word: bytes, rest: bytes) -> None:
+        if not self.inside or self.inside[-1] == END_SITE or not rest.upper().startswith(b"SITE"):
+            raise self._error("an End Site must stand inside of a joint. Got it elsewhere.")
+        self.named = END_SITE
+
+    def _open(self, word: bytes, rest: bytes) -> None:
+        if self.named is None or rest:
+            raise self._error("a brace must open on its own after a joint's name. Got it elsewhere.")
+        self.inside.append(self.named)
+        self.named = None
+
+    def _close(self, word: bytes, rest: bytes) -> None:
+        if not self.inside or rest:
+            raise self._error("a brace must close an open one, on its own. Got one too many.")
+        self.inside.pop()
+
+    def _offset(self, word: bytes, rest: bytes) -> None:
+        offset = finite(self.path, rest.split(), 3, "OFFSET", line_at(self.text, self.at))
+        if not self.inside:
+            raise self._error("OFFSET must stand inside of a joint. Got it outside.")
+        if self.inside[-1] != END_SITE:
+            if self.joints[self.inside[-1]].offset is not None:
+                raise self._error("a joint must have one OFFSET. Got a second.")
+            self.joints[self.inside[-1]].offset = offset
+
+    def _channels(self, word: bytes, rest: bytes) -> None:
+        if not self.inside or self.inside[-1] == END_SITE or self.joints[self.inside[-1]].channels is not None:
+            raise self._error("CHANNELS must stand once and inside of a joint. Got them elsewhere.")
+        count, *names = rest.split() or [b"no number"]
+        if not count.isdigit() or count.lstrip(b"0") != str(len(names)).encode().lstrip(b"0"):
+            raise self._error(f"CHANNELS must give the number of its names, {len(names)}. Got {quote(count)}.")
+        found = [CHANNEL.fullmatch(name) for name in names]
+        unknown = [name for name, match in zip(names, found, strict=True) if not match]
+        if unknown:
+            raise self._error(f"a channel must be X, Y or Z and position or rotation. Got {quote(unknown[0])}.")
+        channels = [
+            Channel(
+                joint=self.inside[-1],
+                axis=b"XYZ".index(match[1].upper()),
+                is_rotation=match[2].lower() == b"rotation",
+            )
+            for match in found
+            if match
+        ]
+        moves = [channel.axis for channel in channels if not channel.is_rotation]
+        if len(set(moves)) != len(moves):
+            raise self._error("a joint must have one position channel per axis. Got one twice.")
+        self.joints[self.inside[-1]].channels = channels
+
+
+def _distinct(names: list[str]) -> tuple[str, ...]:
+    """The names, with #2, #3, ... after those that repeat an earlier one."""
+    distinct: dict[str, None] = {}
+    repeats: dict[str, int] = {}
+    for name in names:
+        candidate = name
+        while candidate in distinct:
+            repeats[name] = repeats.get(name, 1) + 1
+            candidate = f"{name}#{repeats[name]}"
+        distinct[candidate] = None
+    return tuple(distinct)
