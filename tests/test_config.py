@@ -55,7 +55,10 @@ def test_paths_are_relative_to_the_file(tmp_path):
             "max_gap: 120\nmethods:\n  trnn2:\n    penalti: 1\n",
             r"line 4: unknown key 'methods.trnn2.penalti'. Did you mean 'penalty'",
         ),
-        ("methods:\n  trnn2:\n    penalty: fast\n", r"line 3: methods.trnn2.penalty must be a valid number. Got 'fast'"),
+        (
+            "methods:\n  trnn2:\n    penalty: fast\n",
+            r"line 3: methods.trnn2.penalty must be a valid number. Got 'fast'",
+        ),
         ("max_gap: '120'\n", r"line 1: max_gap must be a valid integer. Got '120'"),
         ("max_gap: -3\n", r"line 1: max_gap must be greater than 0. Got -3"),
         ("detect: on\n", r"line 1: detect must be a valid boolean. Got 'on'"),

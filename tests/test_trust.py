@@ -162,3 +162,11 @@ def test_bad_spans_are_refused_with_their_line(rng, tmp_path, text, message):
 def test_a_missing_spans_file_is_refused(tmp_path):
     with pytest.raises(UsageError, match=r"none\.csv: cannot be read"):
         read_spans(tmp_path / "none.csv")
+
+
+def test_a_jump_between_two_long_pieces_is_nobodys_fault(rng):
+    take = smooth_take(rng, n_frames=400)
+    positions = take.positions.copy()
+    positions[200:, 5] += 90.0
+    assert not distrusted(with_positions(take, positions)).any()
+    assert distrusted(with_positions(take, positions), longest=2.0)[:, 5].sum() == 200

@@ -44,10 +44,7 @@ def _totals(outcomes: Sequence[Outcome]) -> dict[str, int]:
     return {
         "takes": len(outcomes),
         **{status: sum(outcome.status == status for outcome in outcomes) for status in statuses},
-        **{
-            name: sum(getattr(count, name) for count in counts)
-            for name in ("samples", "untrusted", "filled", "left")
-        },
+        **{name: sum(getattr(count, name) for count in counts) for name in ("samples", "untrusted", "filled", "left")},
     }
 
 

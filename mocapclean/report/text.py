@@ -54,14 +54,10 @@ def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
     numeric = [
-        k > 0 and all(row[k][:1].isdigit() or row[k] in ("", "-") for row in cells[1:])
-        for k in range(len(header))
+        k > 0 and all(row[k][:1].isdigit() or row[k] in ("", "-") for row in cells[1:]) for k in range(len(header))
     ]
     return [
-        "  "
-        + "  ".join(
-            c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True)
-        ).rstrip()
+        "  " + "  ".join(c.rjust(w) if n else c.ljust(w) for c, w, n in zip(row, widths, numeric, strict=True)).rstrip()
         for row in cells
     ]
 
@@ -133,8 +129,12 @@ def _accuracy(outcome: Outcome) -> Iterable[str]:
         yield _line("error", f"no filled sample is known in {outcome.reference}")
         return
     yield _line("error", f"{_error(outcome.accuracy)}, against {outcome.reference}")
-    for name, found in outcome.accuracy_by_length.items():
-        yield _line("", f"gaps of {name} frames: {_error(found)}, {_plural(found.samples, 'sample')}")
+    rows = [
+        [name, f"{found.samples:,}", f"{found.rmse:.2f}", f"{found.rmse_3d:.2f}", f"{found.largest:.1f}"]
+        for name, found in outcome.accuracy_by_length.items()
+    ]
+    header = ["gap in frames", "samples", "RMSE mm", "3D mm", "largest mm"]
+    yield from (_line("", line[2:]) for line in table(rows, header))
 
 
 def _error(found: Error) -> str:
@@ -178,14 +178,10 @@ def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterabl
             continue
         where = "" if finding.marker is None else f"{finding.marker}: "
         frames = (
-            ""
-            if finding.frames is None
-            else f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
+            "" if finding.frames is None else f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
         )
         advice = f"; {finding.advice}" if finding.advice else ""
-        yield _line(
-            "note" if finding.level == "info" else finding.level, f"{where}{finding.message}{frames}{advice}"
-        )
+        yield _line("note" if finding.level == "info" else finding.level, f"{where}{finding.message}{frames}{advice}")
 
 
 def _marker_table(outcome: Outcome) -> list[str]:

@@ -8,7 +8,8 @@ published decision rule was not available, so this is a reconstruction ("TDD-R")
 1.  Each marker's trajectory is cut where it is missing and where both ‖x_t - x_{t-1}‖ and ‖x_t - 2x_{t-1} + x_{t-2}‖
     exceed the threshold, seen forwards and seen backwards.
 2.  Of the pieces, the chain of largest total length is trusted in which each piece can be reached from the one before
-    within the threshold per frame, from where it ended, or along its velocity, or back along the next one's.
+    within the threshold per frame, from where it ended, or along its velocity, or back along the next one's. Between
+    two pieces of more than a second each nothing tells which is at fault: both stay.
 3.  A sample within the threshold of the smooth curve (PCHIP) through the chain is trusted again.
 
 The threshold is a distance per frame at 120 Hz; steps 1 and 2 scale it by 120 / rate.
@@ -31,11 +32,10 @@ _LOOK_BACK = 40
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
-    """The one number of trust data detection."""
+    """The numbers of trust data detection."""
 
-    distance: Annotated[
-        float, Field(gt=0, description="φ, mm per frame at 120 Hz that no marker exceeds")
-    ] = 60.0
+    distance: Annotated[float, Field(gt=0, description="φ, mm per frame at 120 Hz that no marker exceeds")] = 60.0
+    longest: Annotated[float, Field(gt=0, description="seconds; two longer pieces may stand a jump apart")] = 1.0
 
 
 def examine(take: Take, params: Params) -> tuple[Bools, tuple[Finding, ...]]:
@@ -47,7 +47,8 @@ def examine(take: Take, params: Params) -> tuple[Bools, tuple[Finding, ...]]:
     cuts = _cuts(relative, take.trusted, step)
     for marker in np.flatnonzero(cuts.any(axis=0)):
         valid = take.trusted[:, marker]
-        chain = _best_chain(relative[:, marker], _segments(valid, cuts[:, marker]), step)
+        segments = _segments(valid, cuts[:, marker])
+        chain = _best_chain(relative[:, marker], segments, step, params.longest * take.rate)
         distrusted[:, marker] = valid & ~_readmit(relative[:, marker], chain, valid, params.distance)
     findings = tuple(
         Finding(
@@ -108,7 +109,7 @@ def _segments(valid: NDArray[np.bool_], cuts: NDArray[np.bool_]) -> NDArray[np.i
     return np.concatenate(pieces)
 
 
-def _best_chain(path: Floats, segments: NDArray[np.intp], step: float) -> NDArray[np.bool_]:
+def _best_chain(path: Floats, segments: NDArray[np.intp], step: float, longest: float) -> NDArray[np.bool_]:
     """The frames (F,) of the longest chain of pieces in which each can follow the one before."""
     starts, stops = segments[:, 0], segments[:, 1]
     first, last = path[starts], path[stops - 1]
@@ -116,13 +117,14 @@ def _best_chain(path: Floats, segments: NDArray[np.intp], step: float) -> NDArra
     leaving = np.where(several, last - path[np.maximum(stops - 2, 0)], 0.0)
     arriving = np.where(several, path[np.minimum(starts + 1, len(path) - 1)] - first, 0.0)
     total = (stops - starts).astype(np.int64)
+    long = total > longest
     before = np.full(len(segments), -1)
     for i in range(1, len(segments)):
         j = np.arange(max(0, i - _LOOK_BACK), i)
         gap = (starts[i] - (stops[j] - 1))[:, None]
         away = first[i] - last[j]
         reach = np.stack([away, away - gap * leaving[j], away - gap * arriving[i]])
-        can = (np.linalg.norm(reach, axis=2) <= step * gap[:, 0]).any(axis=0)
+        can = (np.linalg.norm(reach, axis=2) <= step * gap[:, 0]).any(axis=0) | (long[i] & long[j])
         if can.any():
             best = j[can][np.argmax(total[j[can]])]
             before[i] = best
@@ -135,9 +137,7 @@ def _best_chain(path: Floats, segments: NDArray[np.intp], step: float) -> NDArra
     return chosen
 
 
-def _readmit(
-    path: Floats, chain: NDArray[np.bool_], valid: NDArray[np.bool_], distance: float
-) -> NDArray[np.bool_]:
+def _readmit(path: Floats, chain: NDArray[np.bool_], valid: NDArray[np.bool_], distance: float) -> NDArray[np.bool_]:
     """The chain and every valid frame between its ends that lies within the threshold of the curve through it."""
     frames = np.flatnonzero(chain)
     doubted = np.flatnonzero(valid & ~chain)

@@ -1,0 +1,314 @@
+"""The commands, as a user types them: what they write, what they print, how they end."""
+
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import jsonschema
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mocapclean
+from mocapclean.cli import cli
+
+ROOT = Path(__file__).resolve().parents[1]
+SAMPLES = ROOT / "sample_data"
+SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
+
+
+def run(*arguments):
+    """Run a command in this process: (exit code, standard output, standard error)."""
+    result = CliRunner().invoke(cli, [str(a) for a in arguments])
+    if result.exception and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return result.exit_code, result.stdout, result.stderr
+
+
+def launch(*arguments, **options):
+    """Start the command in a process of its own."""
+    command = [sys.executable, "-m", "mocapclean", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A copy of the samples that a test may write beside."""
+    shutil.copytree(SAMPLES, tmp_path / "takes")
+    return tmp_path / "takes"
+
+
+def files_in(folder):
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.mark.parametrize("name", ["walk.c3d", "walk.bvh", "walk_01.amc"])
+def test_fill_writes_the_repaired_file_and_its_report_and_nothing_else(folder, name):
+    before = files_in(folder)
+    code, out, err = run("fill", folder / name, "--method", "linear")
+    assert (code, err) == (0, "")
+    assert "LEFT" in out or "filled" in out
+    after = files_in(folder)
+    stem, suffix = name.rsplit(".", 1)
+    assert set(after) - set(before) == {f"{stem}_filled.{suffix}", f"{stem}_filled.report.json"}
+    assert all(after[kept] == content for kept, content in before.items())
+    report = json.loads(after[f"{stem}_filled.report.json"])
+    jsonschema.validate(report, SCHEMA)
+    (take,) = report["takes"]
+    assert take["status"] == "repaired"
+    assert take["counts"]["filled"] == sum(gap["samples_filled"] for gap in take["gaps"]) > 0
+    assert take["counts"]["untrusted"] == sum(gap["length"] for gap in take["gaps"])
+    assert take["counts"]["left"] == take["counts"]["untrusted"] - take["counts"]["filled"]
+
+
+def test_a_reference_gives_the_error_of_what_was_written(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", "--method", "spline", "--reference", folder / "walk_truth.c3d")
+    assert code == 0
+    assert "mm per coordinate" in out
+    (take,) = json.loads((folder / "walk_filled.report.json").read_text())["takes"]
+    truth, broken, filled = (mocapclean.read(folder / f"{name}.c3d") for name in ("walk_truth", "walk", "walk_filled"))
+    where = ~broken.trusted & filled.trusted & truth.trusted
+    expected = np.sqrt(np.mean((truth.positions[where] - filled.positions[where]) ** 2))
+    assert take["accuracy"]["filled"]["rmse"] == pytest.approx(expected, rel=1e-6)
+    by_length = take["accuracy"]["by_gap_length"].values()
+    assert sum(found["samples"] for found in by_length) == take["accuracy"]["filled"]["samples"] == where.sum()
+
+
+def test_nothing_to_fill_gives_an_identical_file(folder):
+    code, out, _ = run("fill", folder / "walk_truth.c3d", "--no-detect", "-o", folder / "same.c3d")
+    assert code == 0
+    assert "nothing to fill" in out
+    assert (folder / "same.c3d").read_bytes() == (folder / "walk_truth.c3d").read_bytes()
+
+
+def test_spans_limits_and_choices_of_markers(folder):
+    (folder / "bad.csv").write_text("marker,first,last\nLELB,20,29\nRELB,20,25\n")
+    arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--method", "linear", "--max-gap", "8")
+    code, out, _ = run("fill", folder / "walk_truth.c3d", *arguments, "-o", folder / "out.c3d")
+    assert code == 0
+    assert "10 longer than the limit" in out
+    truth, got = mocapclean.read(folder / "walk_truth.c3d"), mocapclean.read(folder / "out.c3d")
+    moved = (truth.positions != got.positions).any(axis=2)
+    assert moved[19:25, truth.markers.index("RELB")].all()
+    assert moved.sum() == 6
+    code, out, _ = run("fill", folder / "walk_truth.c3d", *arguments, "--markers", "L*", "-o", folder / "l.c3d")
+    assert "6 not asked for" in out
+    assert (folder / "l.c3d").read_bytes() == (folder / "walk_truth.c3d").read_bytes()
+
+
+def test_left_samples_fail_only_when_a_limit_was_asked_for(folder):
+    code, _, err = run("fill", folder / "walk.c3d", "--max-gap", "2", "--method", "linear", "--max-left", "1%")
+    assert code == 1
+    assert "more than --max-left 1%" in err
+    code, _, err = run("fill", folder / "walk.c3d", "--max-gap", "2", "--method", "linear", "--overwrite")
+    assert (code, err) == (0, "")
+
+
+def test_invalidate_marks_what_is_left(folder):
+    (folder / "bad.csv").write_text("LELB,20,29\n")
+    arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--max-gap", "5", "--invalidate")
+    code, out, _ = run("fill", folder / "walk_truth.c3d", *arguments, "-o", folder / "out.c3d")
+    assert code == 0
+    assert "10 samples marked missing" in out
+    got = mocapclean.read(folder / "out.c3d")
+    assert np.flatnonzero(~got.trusted[:, got.markers.index("LELB")]).tolist() == list(range(19, 29))
+
+
+def test_a_configuration_file_and_the_resolved_one_in_the_report(folder):
+    (folder / "studio.yaml").write_text("method: spline\nmax_gap: 500\nreport: all.json\n")
+    code, _, _ = run("fill", folder / "walk.c3d", "--config", folder / "studio.yaml", "--set", "trust.tdd.distance=70")
+    assert code == 0
+    config = json.loads((folder / "all.json").read_text())["config"]
+    assert (config["method"], config["max_gap"], config["trust"]["tdd"]["distance"]) == ("spline", 500, 70.0)
+
+
+def test_several_inputs_go_one_after_the_other_and_a_failure_stops_none(folder):
+    (folder / "broken.c3d").write_bytes(b"\x02\x50" + bytes(100))
+    inputs = [folder / name for name in ("walk.c3d", "broken.c3d", "walk.bvh")]
+    code, out, err = run(
+        "fill", *inputs, "--out-dir", folder / "clean", "--method", "linear", "--report", folder / "all.json"
+    )
+    assert code == 1
+    assert "broken.c3d" in err
+    report = json.loads((folder / "all.json").read_text())
+    jsonschema.validate(report, SCHEMA)
+    assert [take["status"] for take in report["takes"]] == ["repaired", "failed", "repaired"]
+    assert report["totals"]["failed"] == 1
+    assert sorted(path.name for path in (folder / "clean").iterdir()) == ["walk.bvh", "walk.c3d"]
+
+
+def test_a_skeleton_gives_bones_to_a_c3d(folder):
+    code, _, err = run("fill", folder / "walk.c3d", "--skeleton", folder / "walk.asf", "--method", "linear")
+    assert code == 2
+    assert "the skeleton must share names with the take" in err
+
+
+def test_inspect_writes_nothing(folder):
+    before = files_in(folder)
+    code, out, err = run("inspect", folder / "walk.c3d", folder / "walk.bvh", folder / "walk_01.amc")
+    assert (code, err) == (0, "")
+    assert "markers x" in out
+    code, out, _ = run("inspect", folder / "walk.c3d", "--json")
+    jsonschema.validate(json.loads(out), SCHEMA)
+    assert files_in(folder) == before
+
+
+def test_quiet_and_verbose(folder):
+    assert run("fill", folder / "walk.c3d", "--method", "linear", "-q") == (0, "", "")
+    code, out, _ = run("fill", folder / "walk.c3d", "--method", "linear", "--overwrite", "-v")
+    assert code == 0
+    assert "what became of it" in out
+
+
+def test_methods_lists_every_method_and_parameter():
+    code, out, _ = run("methods")
+    assert code == 0
+    for name in ("linear", "spline", "trnn2", "second_weight", "doi"):
+        assert name in out
+    assert run("methods", "magic")[0] == 2
+
+
+def test_simulate_makes_takes_with_truth_in_every_format(tmp_path):
+    code, _, err = run("simulate", "--out-dir", tmp_path / "demo", "--seconds", "2")
+    assert (code, err) == (0, "")
+    names = {path.name for path in (tmp_path / "demo").iterdir()}
+    for motion in ("walk", "boxing"):
+        for suffix in (".c3d", "_truth.c3d", ".bvh", "_truth.bvh", ".asf", "_01.amc", "_01_truth.amc"):
+            assert f"{motion}{suffix}" in names
+    take = mocapclean.read(tmp_path / "demo" / "walk.c3d")
+    assert 0 < (~take.trusted).mean() < 0.3
+
+
+# ---- bad input: one sentence, the right exit code, nothing lost
+
+USAGE = [
+    ("no input", (), "Missing argument"),
+    ("unknown method", ("{walk}", "--method", "magic"), "method must be"),
+    ("unknown parameter", ("{walk}", "--set", "foo=1"), "unknown key 'methods.trnn2.foo'"),
+    ("output is the input", ("{walk}", "-o", "{walk}", "--overwrite"), "must not be the input"),
+    ("output exists", ("{walk}", "-o", "{truth}"), "exists already"),
+    ("another format", ("{walk}", "-o", "x.bvh"), "must have the input's format, .c3d"),
+    ("two inputs, one output", ("{walk}", "{truth}", "-o", "x.c3d"), "--output takes one input"),
+    ("one name twice", ("{walk}", "{walk}"), "two results would have this name"),
+    ("report over the input", ("{walk}", "--report", "{walk}", "--overwrite"), "must not be the input"),
+    (
+        "report over the reference",
+        ("{walk}", "--reference", "{truth}", "--report", "{truth}", "--overwrite"),
+        "must not",
+    ),
+    ("a folder", ("{folder}",), "must be a file. Got a folder"),
+    ("unknown marker", ("{walk}", "--markers", "LELBO"), "near: LELB"),
+    ("everything excluded", ("{walk}", "--exclude", "*"), "must leave at least one marker"),
+    ("bad limit", ("{walk}", "--max-left", "many"), "max_left must be"),
+    ("bad rate", ("{walk}", "--rate", "-5"), "rate must be greater than 0"),
+    ("reference of another length", ("{walk}", "--reference", "{short}"), "must have the take's"),
+    ("config that is not there", ("{walk}", "--config", "none.yaml"), "cannot be read"),
+    ("skeleton of no kind", ("{walk}", "--skeleton", "{truth}"), "must be an .asf or a .bvh"),
+]
+
+
+@pytest.mark.parametrize(("what", "arguments", "message"), USAGE, ids=[row[0] for row in USAGE])
+def test_wrong_usage_exits_2_and_writes_nothing(folder, what, arguments, message):
+    run("simulate", "--out-dir", folder / "short", "--seconds", "1", "--motion", "walk")
+    names = {
+        "walk": folder / "walk.c3d",
+        "truth": folder / "walk_truth.c3d",
+        "folder": folder,
+        "short": folder / "short" / "walk.c3d",
+    }
+    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    code, out, err = run("fill", *(argument.format(**names) for argument in arguments))
+    assert code == 2, err
+    assert message in err
+    assert "Traceback" not in err
+    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
+
+
+BAD_FILES = [
+    ("empty.c3d", b"", "is empty"),
+    ("text.c3d", b"marker,x,y,z\nLASI,1,2,3\n" * 50, "not C3D"),
+    ("none.c3d", None, "cannot be read: No such file"),
+    ("take.xyz", b"1", "must end in one of .c3d"),
+    ("walk.asf", (SAMPLES / "walk.asf").read_bytes(), "a skeleton, not a take"),
+    ("lonely.amc", (SAMPLES / "walk_01.amc").read_bytes(), ".asf"),
+    ("text.bvh", b"hello\n" * 10, "BVH"),
+    ("noise.bvh", bytes(range(256)) * 4, "BVH"),
+]
+
+
+@pytest.mark.parametrize(("name", "content", "message"), BAD_FILES, ids=[row[0] for row in BAD_FILES])
+def test_bad_files_exit_1_with_one_sentence(tmp_path, name, content, message):
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    code, out, err = run("fill", path, "--method", "linear")
+    assert code == 1
+    assert len(err.strip().splitlines()) == 1
+    assert message in err
+    assert name in err
+    assert {p.name for p in tmp_path.iterdir()} <= {name}
+
+
+def test_a_folder_that_cannot_be_written(folder):
+    if os.geteuid() == 0:
+        pytest.skip("the superuser can write everywhere")
+    folder.chmod(0o555)
+    try:
+        code, _, err = run("fill", folder / "walk.c3d", "--method", "linear")
+    finally:
+        folder.chmod(0o755)
+    assert code == 1
+    assert "cannot be written" in err
+
+
+def test_an_output_folder_that_is_a_file(folder):
+    code, _, err = run("fill", folder / "walk.c3d", "--out-dir", folder / "walk.bvh")
+    assert code == 2
+    assert "the folder cannot be made" in err
+
+
+def test_a_full_disk_leaves_nothing_behind(folder):
+    before = files_in(folder)
+    limit = len(before["walk.c3d"]) // 2
+    process = launch(
+        "fill",
+        folder / "walk.c3d",
+        "--method",
+        "linear",
+        preexec_fn=lambda: (
+            signal.signal(signal.SIGXFSZ, signal.SIG_IGN),
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
+        ),
+    )
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 1
+    assert "cannot be written: File too large" in err
+    assert "Traceback" not in err
+    assert files_in(folder) == before
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 130), (signal.SIGKILL, -9)])
+def test_stopped_in_the_middle_leaves_no_half_file(folder, number, code):
+    before = files_in(folder)
+    process = launch(
+        "fill", folder / "walk.c3d", "--method", "trnn2", "--set", "tolerance=1e-9", "--set", "max_iterations=100000"
+    )
+    time.sleep(4)
+    assert process.poll() is None, process.communicate()
+    process.send_signal(number)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == code
+    assert "Traceback" not in err
+    assert files_in(folder) == before
+
+
+def test_the_installed_command_says_its_version():
+    process = launch("--version")
+    out, _ = process.communicate(timeout=60)
+    assert out == f"mocapclean {mocapclean.__version__}\n"

@@ -1,0 +1,110 @@
+"""The laws of every format, over the samples and over every real capture."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import capture_files
+
+import mocapclean
+from mocapclean.errors import FormatError, UsageError
+from mocapclean.formats import FORMATS
+
+SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
+EVERY_SAMPLE = sorted(p for p in SAMPLES.iterdir() if p.suffix[1:] in FORMATS)
+EVERY_CAPTURE = [path for kind in FORMATS for path in capture_files(kind)]
+
+
+def read_or_skip(path):
+    try:
+        return mocapclean.read(path)
+    except FormatError as refused:
+        pytest.skip(f"refused: {refused}")
+
+
+@pytest.mark.parametrize("path", EVERY_SAMPLE + EVERY_CAPTURE, ids=lambda p: p.name)
+def test_a_take_keeps_the_promises_of_its_record(path):
+    take = read_or_skip(path)
+    assert np.isfinite(take.positions[take.trusted]).all()
+    assert np.isfinite(take.rate)
+    assert take.rate > 0
+    assert not take.filled.any()
+    assert not take.positions.flags.writeable
+    assert take.origin.path == path
+
+
+@pytest.mark.parametrize("path", EVERY_SAMPLE + EVERY_CAPTURE, ids=lambda p: p.name)
+def test_read_then_write_gives_identical_bytes(path, tmp_path):
+    take = read_or_skip(path)
+    written = mocapclean.write(take, tmp_path / path.name)
+    assert (tmp_path / path.name).read_bytes() == path.read_bytes()
+    np.testing.assert_array_equal(written.positions, take.positions)
+
+
+@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+def test_filled_samples_come_back_as_reported_and_nothing_else_moves(path, tmp_path, rng):
+    take = mocapclean.read(path)
+    frame, marker = len(take.trusted) // 2, len(take.markers) - 3
+    positions, trusted, filled = take.positions.copy(), take.trusted.copy(), take.filled.copy()
+    span = slice(frame, frame + 5)
+    positions[span, marker] = take.positions[frame - 20, marker] + rng.normal(size=(5, 3))
+    trusted[span, marker], filled[span, marker] = False, True
+    out = tmp_path / path.name
+    written = mocapclean.write(replace(take, positions=positions, trusted=trusted, filled=filled), out)
+    back = mocapclean.read(out, skeleton=take.origin.options.skeleton or next(iter(SAMPLES.glob("walk.asf")), None))
+    where = written.filled
+    assert not (where & ~filled).any()
+    np.testing.assert_allclose(back.positions[where], written.positions[where], atol=1e-3)
+    others = take.trusted & ~filled
+    np.testing.assert_allclose(back.positions[others], take.positions[others], atol=0.1)
+    untouched = others & ~filled.any(axis=1, keepdims=True)
+    np.testing.assert_array_equal(back.positions[untouched], take.positions[untouched])
+
+
+@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+def test_the_input_is_never_the_output(path, tmp_path):
+    copy = tmp_path / path.name
+    shutil.copy(path, copy)
+    shutil.copy(SAMPLES / "walk.asf", tmp_path / "walk.asf")
+    take = mocapclean.read(copy)
+    (tmp_path / f"link{path.suffix}").symlink_to(copy)
+    for output in (copy, tmp_path / f"link{path.suffix}"):
+        with pytest.raises(UsageError, match="must not be the input"):
+            mocapclean.write(take, output, overwrite=True)
+    assert copy.read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+def test_an_input_that_changed_since_reading_is_not_patched(path, tmp_path):
+    copy = tmp_path / path.name
+    shutil.copy(path, copy)
+    shutil.copy(SAMPLES / "walk.asf", tmp_path / "walk.asf")
+    take = mocapclean.read(copy)
+    copy.write_bytes(path.read_bytes()[:-40])
+    out = tmp_path / f"out{path.suffix}"
+    try:
+        mocapclean.write(take, out)
+    except FormatError:
+        assert not out.exists()
+    else:
+        assert out.read_bytes() == path.read_bytes()
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_joints_can_be_exported_as_c3d_and_nothing_else(tmp_path):
+    take = mocapclean.read(SAMPLES / "walk.bvh")
+    mocapclean.write(take, tmp_path / "joints.c3d")
+    back = mocapclean.read(tmp_path / "joints.c3d")
+    np.testing.assert_array_equal(back.trusted, take.trusted)
+    np.testing.assert_allclose(back.positions[take.trusted], take.positions[take.trusted], atol=1e-3)
+    with pytest.raises(UsageError, match="positions alone are not a pose"):
+        mocapclean.write(take, tmp_path / "joints.amc")
+
+
+@pytest.mark.parametrize("name", ["take.txt", "take", "take.c3d.gz"])
+def test_other_suffixes_are_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"1")
+    with pytest.raises(FormatError, match="must end in one of"):
+        mocapclean.read(tmp_path / name)
