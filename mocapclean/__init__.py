@@ -3,8 +3,12 @@
 The public names are loaded on first use, so that the command starts at once.
 """
 
-from importlib import import_module
-from typing import Any
+TYPE_CHECKING = False  # as typing.TYPE_CHECKING, without the time that importing typing takes
+if TYPE_CHECKING:
+    from mocapclean.formats import read, write
+    from mocapclean.records import Take
+    from mocapclean.repair import fill
+    from mocapclean.trust import detect
 
 __version__ = "0.1.0"
 
@@ -19,7 +23,9 @@ _HOMES = {
 __all__ = ["Take", "__version__", "detect", "fill", "read", "write"]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'mocapclean' has no attribute {name!r}")
+    from importlib import import_module
+
     return getattr(import_module(_HOMES[name]), name)

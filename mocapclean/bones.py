@@ -5,10 +5,11 @@ from collections import defaultdict
 import numpy as np
 
 from mocapclean.errors import UsageError
+from mocapclean.numerics.robust import nan_median
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.skeleton import Bone, Skeleton
 
-_SAMPLE = 500
+_SAMPLE = 300
 _LARGEST_SPREAD = 3.0
 _LONGEST = 800.0
 _PARTNERS = 3
@@ -59,7 +60,7 @@ def _some(names: tuple[str, ...]) -> str:
 def rigid_pairs(take: Take) -> tuple[Bone, ...]:
     """Pairs of markers whose distance stays within 3 mm (robust SD) over the take, up to 3 for each marker.
 
-    The length is the median distance over up to 500 frames in which both are trusted; at least 30 such frames, and a
+    The length is the median distance over up to 300 frames in which both are trusted; at least 30 such frames, and a
     distance of 800 mm at most, are asked for.
     """
     frames = np.unique(np.linspace(0, len(take.trusted) - 1, min(_SAMPLE, len(take.trusted))).astype(int))
@@ -90,9 +91,10 @@ def _distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
         if not enough.size or len(positions) < 2:
             continue
         partners = a + 1 + enough
-        distance = np.linalg.norm(positions[:, partners] - positions[:, a, None], axis=2)
-        middle = np.nanmedian(distance, axis=0)
-        deviation = 1.4826 * np.nanmedian(np.abs(distance - middle), axis=0)
+        offset = positions[:, partners] - positions[:, a, None]
+        distance = np.sqrt(np.einsum("fpc,fpc->fp", offset, offset))
+        middle = nan_median(distance)
+        deviation = 1.4826 * nan_median(np.abs(distance - middle))
         median[a, partners] = median[partners, a] = middle
         spread[a, partners] = spread[partners, a] = deviation
     return median, spread

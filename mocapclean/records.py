@@ -121,9 +121,11 @@ class Take:
 class Solution:
     """A solver's answer.
 
-    positions: (F, M, 3) millimetres, finite where ``filled``. filled: (F, M) bool, the samples it answers for.
-    sd: (F, M) millimetres, its own expected error per coordinate, or None. trace: the objective or residual after
-    each iteration. facts: what the method chose by itself, such as a rank.
+    positions: (F, M, 3) millimetres, finite where ``filled``; elsewhere it may hold the method's own estimate, which
+    nobody writes. filled: (F, M) bool, the untrusted samples it answers for. sd: (F, M) millimetres, its own expected
+    error per coordinate, or None. trace: the objective or residual after each iteration. facts: what the method chose
+    by itself, such as a rank. outliers: (F, M, 3) millimetres, the sparse noise that a robust method took out of the
+    trusted samples, or None. moved: (F, M) bool, the trusted samples that it was asked to denoise, or None.
     """
 
     positions: Floats
@@ -134,6 +136,8 @@ class Solution:
     reason: str = "closed form"
     trace: tuple[float, ...] = ()
     facts: Mapping[str, float | int | str] = field(default_factory=dict)
+    outliers: Floats | None = None
+    moved: Bools | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

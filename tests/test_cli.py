@@ -203,7 +203,7 @@ USAGE = [
         "must not",
     ),
     ("a folder", ("{folder}",), "must be a file. Got a folder"),
-    ("unknown marker", ("{walk}", "--markers", "LELBO"), "near: LELB"),
+    ("unknown marker", ("{walk}", "--markers", "LELBO"), "LELB"),
     ("everything excluded", ("{walk}", "--exclude", "*"), "must leave at least one marker"),
     ("bad limit", ("{walk}", "--max-left", "many"), "max_left must be"),
     ("bad rate", ("{walk}", "--rate", "-5"), "rate must be greater than 0"),

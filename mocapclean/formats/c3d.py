@@ -142,8 +142,7 @@ def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
     """
     document = _document(take)
     shutil.copyfile(document.path, path)
-    positions = take.positions.copy() if take.filled.any() else take.positions
-    filled = take.filled.copy()
+    positions, filled = take.positions.copy(), take.filled.copy()
     doubted = ~(take.trusted | take.filled) if invalidate else np.zeros_like(filled)
     with path.open("r+b") as file:
         _check_unchanged(document, file)

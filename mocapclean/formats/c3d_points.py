@@ -68,7 +68,7 @@ def choose_markers(
         f"{len(left)} of {len(names)} points are unlabelled or listed as angles, forces or the like and are "
         f"carried along untouched: {_few([names[i] for i in left])}."
     )
-    return chosen, [Finding(rule="points", message=message, advice="Name them with --points to read them.")]
+    return chosen, [Finding(rule="points", message=message, advice="name them with --markers to repair them.")]
 
 
 def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.fitting import fit
 from mocapclean.records import Bools, Finding, Floats, Take
+from mocapclean.runs import column_runs
 from mocapclean.skeleton import Skeleton, forward
 
 TRUSTED_MM = 0.1  # a repair moves no trusted joint farther than this
@@ -201,22 +202,18 @@ def _fit(document: Document, take: Take, frames: NDArray[np.intp]) -> tuple[Floa
 
 
 def _unfitted(take: Take, left: Bools) -> list[Finding]:
-    told = []
-    for joint in np.flatnonzero(left.any(axis=0)):
-        edges = np.flatnonzero(np.diff(left[:, joint], prepend=False, append=False))
-        told += [
-            Finding(
-                rule="fit",
-                level="warning",
-                marker=take.markers[joint],
-                frames=(int(start), int(stop)),
-                message=f"no joint angles bring it to its filled position and keep all trusted joints within "
-                f"{TRUSTED_MM} mm; it is left as it was",
-                advice="distrust its neighbours too, or fill with another method",
-            )
-            for start, stop in zip(edges[::2], edges[1::2], strict=True)
-        ]
-    return told
+    return [
+        Finding(
+            rule="fit",
+            level="warning",
+            marker=take.markers[joint],
+            frames=(start, stop),
+            message=f"no joint angles bring it to its filled position and keep all trusted joints within "
+            f"{TRUSTED_MM} mm; it is left as it was",
+            advice="distrust its neighbours too, or fill with another method",
+        )
+        for joint, start, stop in column_runs(left)
+    ]
 
 
 def decimals(document: Document) -> NDArray[np.int64]:

@@ -180,8 +180,8 @@ def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterabl
         frames = (
             "" if finding.frames is None else f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
         )
-        advice = f"; {finding.advice}" if finding.advice else ""
-        yield _line("note" if finding.level == "info" else finding.level, f"{where}{finding.message}{frames}{advice}")
+        advice = f"; {finding.advice.rstrip('.')}" if finding.advice else ""
+        yield _line("note" if finding.level == "info" else finding.level, f"{where}{finding.message.rstrip('.')}{frames}{advice}")
 
 
 def _marker_table(outcome: Outcome) -> list[str]:

@@ -23,6 +23,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 from scipy.interpolate import PchipInterpolator
 
+from mocapclean.numerics.robust import nan_median
 from mocapclean.parameters import STRICT
 from mocapclean.records import Bools, Finding, Floats, Take
 from mocapclean.runs import column_runs, runs
@@ -70,7 +71,7 @@ def _body_track(positions: Floats) -> Floats:
     track = np.zeros((len(positions), 3))
     seen = np.isfinite(steps[..., 0]).any(axis=1)
     if seen.any():
-        track[1:][seen] = np.nanmedian(steps[seen], axis=1)
+        track[1:][seen] = nan_median(steps[seen], axis=1)
     return np.cumsum(track, axis=0)
 
 
