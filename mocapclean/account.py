@@ -28,6 +28,7 @@ def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Se
         missing=int(missing.sum()),
         filled=int(after.filled.sum()),
         left=int(left.sum()),
+        moved=int(after.moved.sum()),
         invalidated=int((left & ~missing).sum()) if settings.invalidate else 0,
     )
     limit = settings.left_limit(counts.samples)
@@ -35,7 +36,7 @@ def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Se
     source, bones, tan = _bones(before, after)
     return Outcome(
         source=Path(),
-        status="repaired" if counts.filled or counts.invalidated else "unchanged",
+        status="repaired" if counts.filled or counts.moved or counts.invalidated else "unchanged",
         error=f"{counts.left} samples are left, more than --max-left {settings.max_left}."
         if too_many
         else "",
@@ -47,7 +48,7 @@ def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Se
         counts=counts,
         gaps=_gaps(before, merged, after, wanted),
         findings=after.findings,
-        fitting=metrics.error(merged.positions, after.positions, after.filled),
+        fitting=metrics.error(merged.positions, after.positions, after.changed),
         bones_from=source,
         bones=bones,
         skeleton_rmse=tan,

@@ -72,7 +72,8 @@ class Take:
 
     positions: (F, M, 3) float64, millimetres, finite wherever trusted.
     trusted: (F, M) bool, the only word on what is missing or doubted; NaN is never a signal.
-    filled: (F, M) bool, samples whose position a solver has supplied since reading; writing changes only these.
+    filled: (F, M) bool, untrusted samples whose position a solver has supplied since reading; moved: (F, M) bool,
+    trusted samples that someone asked to have moved (denoised, exchanged). Writing changes only these two.
     markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of
     frame 0. skeleton: the joints and bones, if known. The arrays are read-only.
     """
@@ -82,24 +83,29 @@ class Take:
     markers: tuple[str, ...]
     rate: float
     filled: Bools = None  # type: ignore[assignment]
+    moved: Bools = None  # type: ignore[assignment]
     first_frame: int = 1
     skeleton: Skeleton | None = None
     findings: tuple[Finding, ...] = ()
     origin: Origin | None = None
 
     def __post_init__(self) -> None:
-        n_frames, n_markers = self.trusted.shape
-        if self.filled is None:
-            object.__setattr__(self, "filled", np.zeros((n_frames, n_markers), dtype=bool))
-        if self.positions.shape != (n_frames, n_markers, 3) or self.filled.shape != (n_frames, n_markers):
-            raise ValueError(
-                f"positions must be (F, M, 3) and filled (F, M) for trusted {self.trusted.shape}. "
-                f"Got {self.positions.shape} and {self.filled.shape}."
-            )
-        if len(self.markers) != n_markers or len(set(self.markers)) != n_markers:
-            raise ValueError(f"markers must be {n_markers} distinct names. Got {len(self.markers)}.")
-        for name in ("positions", "trusted", "filled"):
+        shape = self.trusted.shape
+        for name in ("filled", "moved"):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, np.zeros(shape, dtype=bool))
+        shapes = self.positions.shape, self.filled.shape, self.moved.shape
+        if shapes != ((*shape, 3), shape, shape):
+            raise ValueError(f"positions must be (F, M, 3), filled and moved (F, M) for trusted {shape}. Got {shapes}.")
+        if len(self.markers) != shape[1] or len(set(self.markers)) != shape[1]:
+            raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
+        for name in ("positions", "trusted", "filled", "moved"):
             object.__setattr__(self, name, _freeze(getattr(self, name)))
+
+    @property
+    def changed(self) -> Bools:
+        """The samples (F, M) that are no longer what the file says: filled or moved."""
+        return self.filled | self.moved
 
     def select(self, columns: NDArray[np.intp]) -> "Take":
         """The take with only these markers, by column; it can no longer be written to its own file."""
@@ -108,6 +114,7 @@ class Take:
             positions=self.positions[:, columns],
             trusted=self.trusted[:, columns],
             filled=self.filled[:, columns],
+            moved=self.moved[:, columns],
             markers=tuple(self.markers[c] for c in columns),
             origin=None,
         )
@@ -170,14 +177,15 @@ class BoneReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Samples of the markers in play: all, distrusted (missing among them), filled, left, invalidated."""
+    """Samples of the markers in play: all, distrusted (missing among them), filled, left, moved, invalidated."""
 
     samples: int
     untrusted: int
     missing: int
     filled: int
     left: int
-    invalidated: int = 0
+    moved: int
+    invalidated: int
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,9 +25,7 @@ from mocapclean.trust import detect
 from mocapclean.trust.spans import distrust, read_spans
 
 
-def fill(
-    take: Take, method: str = DEFAULT_METHOD, *, library: Sequence[Take] = (), **parameters: Any
-) -> Take:
+def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Sequence[Take] = (), **parameters: Any) -> Take:
     """Fill the untrusted samples of a take with one method; trusted samples come out bit for bit.
 
     parameters: the method's own (``mocapclean methods`` lists them). library: clean takes, for methods that learn
@@ -44,10 +42,14 @@ def fill(
 
 
 def merge(take: Take, solution: Solution, wanted: Bools) -> Take:
-    """Put a solution's samples into a take where they are wanted (F, M), answered for and untrusted; nowhere else."""
-    where = wanted & solution.filled & ~take.trusted
-    positions = np.where(where[..., None], solution.positions, take.positions)
-    return replace(take, positions=positions, filled=take.filled | where)
+    """Put a solution's samples into a take where they are wanted (F, M), answered for and untrusted; nowhere else.
+
+    Only a solver that was asked to denoise names trusted samples as ``moved``; these are put in as well.
+    """
+    filled = wanted & solution.filled & ~take.trusted
+    moved = take.trusted & solution.moved if solution.moved is not None else np.zeros_like(filled)
+    positions = np.where((filled | moved)[..., None], solution.positions, take.positions)
+    return replace(take, positions=positions, filled=take.filled | filled, moved=take.moved | moved)
 
 
 def repair(source: Path, output: Path, settings: Settings) -> Outcome:
@@ -69,9 +71,7 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
     truth = _reference(settings, play) if settings.reference else None
     wanted = _wanted(play, settings)
     if play.trusted.all():
-        solution = Solution(
-            positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill"
-        )
+        solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
         solution = SOLVERS[settings.method].solve(play, settings.params, ())
     merged = merge(play, solution, wanted)
@@ -100,9 +100,7 @@ def inspect(source: Path, settings: Settings) -> Outcome:
     """Read and detect, write nothing. Raises what reading raises."""
     take, play = examine(source, settings)
     outcome = account(play, play, play, np.ones_like(play.trusted), settings)
-    return replace(
-        outcome, source=source, status="inspected", format=_format(take), source_sha256=digest(source)
-    )
+    return replace(outcome, source=source, status="inspected", format=_format(take), source_sha256=digest(source))
 
 
 def digest(path: Path) -> str:
@@ -198,9 +196,10 @@ def _columns(take: Take, play: Take) -> NDArray[np.intp]:
 def _scatter(take: Take, play: Take) -> Take:
     """The whole take with what happened to the markers in play."""
     columns = _columns(take, play)
-    positions, trusted, filled = take.positions.copy(), take.trusted.copy(), take.filled.copy()
-    positions[:, columns], trusted[:, columns], filled[:, columns] = play.positions, play.trusted, play.filled
-    return replace(take, positions=positions, trusted=trusted, filled=filled, findings=play.findings)
+    arrays = {name: getattr(take, name).copy() for name in ("positions", "trusted", "filled", "moved")}
+    for name, array in arrays.items():
+        array[:, columns] = getattr(play, name)
+    return replace(take, findings=play.findings, **arrays)
 
 
 def _facts(solution: Solution) -> Mapping[str, Any]:

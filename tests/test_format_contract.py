@@ -63,6 +63,21 @@ def test_filled_samples_come_back_as_reported_and_nothing_else_moves(path, tmp_p
     np.testing.assert_array_equal(back.positions[untouched], take.positions[untouched])
 
 
+def test_a_moved_sample_of_a_c3d_stays_a_measured_one(tmp_path):
+    path = SAMPLES / "walk_truth.c3d"
+    take = mocapclean.read(path)
+    positions, moved = take.positions.copy(), np.zeros_like(take.trusted)
+    moved[7, 5] = True
+    positions[7, 5] += 1.0
+    mocapclean.write(replace(take, positions=positions, moved=moved), tmp_path / "out.c3d")
+    old, new = (np.frombuffer(p.read_bytes(), np.uint8) for p in (path, tmp_path / "out.c3d"))
+    different = np.flatnonzero(old != new)
+    assert 0 < len(different) <= 12
+    assert different.max() - different.min() < 12
+    back = mocapclean.read(tmp_path / "out.c3d")
+    np.testing.assert_allclose(back.positions[7, 5], positions[7, 5], atol=1e-4)
+
+
 @pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
 def test_the_input_is_never_the_output(path, tmp_path):
     copy = tmp_path / path.name

@@ -56,9 +56,7 @@ def read(
     """
     path = Path(path)
     module = FORMATS[format_of(path)]
-    options = ReadOptions(
-        skeleton=Path(skeleton) if skeleton else None, rate=rate, unit=unit, points=tuple(points)
-    )
+    options = ReadOptions(skeleton=Path(skeleton) if skeleton else None, rate=rate, unit=unit, points=tuple(points))
     try:
         with path.open("rb") as file:
             head = file.read(512)

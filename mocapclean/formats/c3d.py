@@ -136,31 +136,34 @@ def read(path: Path, options: ReadOptions) -> Take:
 def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
     """A copy of the take's own file at ``path`` in which only the four words of filled samples differ.
 
+    A moved sample keeps its fourth word, because it is still a measured one.
     With ``invalidate``, samples neither trusted nor filled keep their coordinates and get the residual word -1.
     Raises FormatError when a filled position does not fit the file's numbers or the original file has changed;
     UsageError when the take has not the frames and markers it was read with.
     """
     document = _document(take)
     shutil.copyfile(document.path, path)
-    positions, filled = take.positions.copy(), take.filled.copy()
-    doubted = ~(take.trusted | take.filled) if invalidate else np.zeros_like(filled)
+    positions, changed = take.positions.copy(), take.changed
+    doubted = ~(take.trusted | take.filled) if invalidate else np.zeros_like(changed)
     with path.open("r+b") as file:
         _check_unchanged(document, file)
         for start, stop in document.spans():
             span = slice(start, stop)
-            if filled[span].any() or doubted[span].any():
+            if changed[span].any() or doubted[span].any():
                 raw = document.load(file, start, stop)
-                _patch(take, document, raw, start, positions[span], filled[span])
+                _patch(take, document, raw, start, positions[span], changed[span])
                 _invalidate(document, raw, doubted[span])
                 file.seek(document.data_start + start * document.stride)
                 file.write(raw.view(np.uint8).data)
-    lost = take.filled & ~filled
+    lost = take.changed & ~changed
     if not lost.any():
         return replace(take, positions=positions)
     message = f"{lost.sum()} fills would be stored as 0, 0, 0, which means missing, and were left out."
     finding = Finding(rule="write", level="warning", message=message)
     trusted = take.trusted & ~lost
-    return replace(take, positions=positions, trusted=trusted, filled=filled, findings=(*take.findings, finding))
+    findings = (*take.findings, finding)
+    filled, moved = take.filled & ~lost, take.moved & ~lost
+    return replace(take, positions=positions, trusted=trusted, filled=filled, moved=moved, findings=findings)
 
 
 def prove(take: Take, path: Path) -> None:
@@ -173,7 +176,7 @@ def prove(take: Take, path: Path) -> None:
             old, new = document.load(before, start, stop), document.load(after, start, stop)
             span = slice(start, stop)
             _check_filled(take, document, path, new, start, stop)
-            _forgive(document, old, new, take.filled[span], ~(take.trusted[span] | take.filled[span]))
+            _forgive(document, old, new, take.changed[span], ~(take.trusted[span] | take.filled[span]))
             if not np.array_equal(old, new):
                 frame, word = (int(i[0]) for i in np.nonzero(old != new))
                 at = document.data_start + (start + frame) * document.stride + word * old.itemsize
@@ -296,9 +299,9 @@ def _check_same(before: BufferedReader, after: BufferedReader, start: int, stop:
             raise FormatError(after.name, "what is not a sample must stay as it was. Got other bytes.", byte=at)
 
 
-def _patch(take: Take, document: Document, raw: Raw, start: int, positions: Floats, filled: Bools) -> None:
-    """Store the filled samples of a run of frames, and set ``positions`` and ``filled`` to what was stored."""
-    frames, markers = np.nonzero(filled)
+def _patch(take: Take, document: Document, raw: Raw, start: int, positions: Floats, changed: Bools) -> None:
+    """Store the changed samples of a run of frames, and set ``positions`` and ``changed`` to what was stored."""
+    frames, markers = np.nonzero(changed)
     numbers = positions[frames, markers] / document.factor
     bad = ~(np.abs(numbers) <= document.words.limit).all(axis=-1)
     if bad.any():
@@ -315,8 +318,10 @@ def _patch(take: Take, document: Document, raw: Raw, start: int, positions: Floa
     patch = np.zeros((len(numbers), 4), document.words.raw)
     patch[:, :3] = document.words.encode(numbers)
     kept = present(document.words.decode(patch))
-    filled[frames, markers] = kept
+    changed[frames, markers] = kept
     points, places = document.points(raw), document.places()[markers]
+    still = take.moved[start + frames, markers]
+    patch[still, 3] = points[frames[still], places[still], 3]
     points[frames[kept], places[kept]] = patch[kept]
     stored = document.words.decode(points[frames, places])
     positions[frames, markers] = stored[:, :3].astype(np.float64) * document.factor
@@ -329,11 +334,12 @@ def _invalidate(document: Document, raw: Raw, doubted: Bools) -> None:
 
 def _check_filled(take: Take, document: Document, path: Path, raw: Raw, start: int, stop: int) -> None:
     """Raise FormatError unless the filled samples of a run of frames are stored as the take has them."""
-    frames, markers = np.nonzero(take.filled[start:stop])
+    frames, markers = np.nonzero(take.changed[start:stop])
     stored = document.words.decode(document.points(raw)[frames, document.places()[markers]])
     positions = stored[:, :3].astype(np.float64) * document.factor
     expected = take.positions[start:stop][frames, markers]
-    bad = ~((positions == expected).all(axis=-1) & present(stored) & (stored[:, 3] == 0))
+    measured = take.moved[start:stop][frames, markers]
+    bad = ~((positions == expected).all(axis=-1) & present(stored) & (measured | (stored[:, 3] == 0)))
     if bad.any():
         first = int(np.argmax(bad))
         raise FormatError(

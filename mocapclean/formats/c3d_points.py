@@ -60,7 +60,7 @@ def choose_markers(
         raise FormatError(
             path,
             f"a take must have markers. Got {len(names)} points that are listed as angles, forces or the like. "
-            "Name some with --points to read them.",
+            "Name some with --markers to repair them.",
         )
     if not left:
         return chosen, []

@@ -158,24 +158,27 @@ def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
     ``invalidate`` changes nothing.
     """
     document = _kept(take)
-    frames = np.flatnonzero(take.filled.any(axis=1))
+    frames = np.flatnonzero(take.changed.any(axis=1))
     if not len(frames):
         path.write_bytes(document.raw)
         return take
-    wanted, fixed = take.filled[frames], (take.trusted & ~take.filled)[frames]
+    wanted, fixed = take.changed[frames], (take.trusted & ~take.changed)[frames]
     before, targets = document.poses[frames], take.positions[frames]
     poses, fitted = _fit(document, take, frames)
     changed = (poses != before) & np.isfinite(poses)
     path.write_bytes(_patch(document, frames, poses, changed))
 
     untouched = fixed & ~changed.any(axis=1, keepdims=True)
-    positions, trusted, filled = take.positions.copy(), take.trusted.copy(), np.zeros_like(take.filled)
+    positions, trusted, done = take.positions.copy(), take.trusted.copy(), np.zeros_like(take.filled)
     reached = kinematics(document.skeleton, poses)
     positions[frames] = np.where(untouched[:, :, None], targets, reached)
     trusted[frames] &= ~wanted | fitted
-    filled[frames] = fitted
-    told = tuple(_unfitted(take, take.filled & ~filled))
-    return replace(take, positions=positions, trusted=trusted, filled=filled, findings=take.findings + told)
+    done[frames] = fitted
+    told = tuple(_unfitted(take, take.changed & ~done))
+    filled, moved = take.filled & done, take.moved & done
+    return replace(
+        take, positions=positions, trusted=trusted, filled=filled, moved=moved, findings=take.findings + told
+    )
 
 
 def _kept(take: Take) -> Document:
@@ -189,8 +192,8 @@ def _fit(document: Document, take: Take, frames: NDArray[np.intp]) -> tuple[Floa
 
     The fit sees all frames, because it starts from those around a gap.
     """
-    fixed = take.trusted & ~take.filled
-    result = fit(document.skeleton, document.poses, take.positions, fixed, take.filled)
+    fixed = take.trusted & ~take.changed
+    result = fit(document.skeleton, document.poses, take.positions, fixed, take.changed)
     before = document.poses[frames]
     after = _spelled(document, result.poses[frames])
     after = np.where(result.changed[frames] & np.isfinite(after), after, before)
@@ -257,10 +260,10 @@ def prove(take: Take, path: Path, parse: Callable[[bytes], Document]) -> None:
     they lay within 0.1 mm.
     """
     kept, raw = _kept(take), load(path)
-    if raw == kept.raw and not take.filled.any():
+    if raw == kept.raw and not take.changed.any():
         return
     written = parse(raw)
-    repaired = np.any(take.filled, axis=1)
+    repaired = np.any(take.changed, axis=1)
     header = slice(0, int(kept.starts[0]))
     if written.poses.shape != kept.poses.shape or written.raw[header] != kept.raw[header]:
         raise FormatError(path, "the header and the table's size must be those of the input. Got others.")
@@ -274,9 +277,9 @@ def prove(take: Take, path: Path, parse: Callable[[bytes], Document]) -> None:
             )
     frames = np.flatnonzero(repaired)
     after, before = (kinematics(d.skeleton, d.poses[frames]) for d in (written, kept))
-    filled = take.filled[frames]
-    _close(take, path, frames, after - take.positions[frames], filled, REREAD_MM)
-    _close(take, path, frames, after - before, take.trusted[frames] & ~filled, TRUSTED_MM + REREAD_MM)
+    changed = take.changed[frames]
+    _close(take, path, frames, after - take.positions[frames], changed, REREAD_MM)
+    _close(take, path, frames, after - before, take.trusted[frames] & ~changed, TRUSTED_MM + REREAD_MM)
 
 
 def _respelled(kept: Document, frame: int, old: bytes, new: bytes) -> bool:

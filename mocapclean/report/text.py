@@ -118,6 +118,8 @@ def _left(outcome: Outcome) -> Iterable[str]:
         yield _line("LEFT", f"{_plural(counts.left, 'sample')} unfilled")
         for reason, count in reasons.most_common():
             yield _line("", f"{count:,} {reason}")
+    if counts.moved:
+        yield _line("moved", f"{_plural(counts.moved, 'trusted sample')}, as asked")
     if counts.invalidated:
         yield _line("invalidated", f"{_plural(counts.invalidated, 'sample')} marked missing in the output")
 

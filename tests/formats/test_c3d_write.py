@@ -128,7 +128,8 @@ def test_a_changed_source_is_not_patched(tmp_path: Path) -> None:
 
 def test_a_cropped_take_cannot_be_patched(tmp_path: Path) -> None:
     take = load(tmp_path, C3D(walk()))
-    part = dataclasses.replace(take, positions=take.positions[:9], trusted=take.trusted[:9], filled=take.filled[:9])
+    arrays = {name: getattr(take, name)[:9] for name in ("positions", "trusted", "filled", "moved")}
+    part = dataclasses.replace(take, **arrays)
     with pytest.raises(UsageError, match=r"\(40, 5\).*Got \(9, 5\)"):
         c3d.write(part, tmp_path / "out.c3d")
 

@@ -1,0 +1,231 @@
+"""The laws that every gap-filling method keeps; each exception stands in one table with its reason."""
+
+import dataclasses
+from types import ModuleType
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from mocapclean.numerics.evidence import enclosed, fillable
+from mocapclean.records import Solution, Take
+from mocapclean.solvers import SOLVERS
+
+RATE = 60.0
+EXCEPTIONS = {
+    ("linear", "better"): "it is the yardstick",
+    ("spline", "better"): "no curve through the marker itself can tell what it did over a whole stride",
+    ("spline", "turns"): "the slope limiter works on each coordinate",
+    ("trnn2", "turns"): "the magnitudes of the first difference are summed coordinate by coordinate",
+}
+METHODS = [pytest.param(module, id=name) for name, module in SOLVERS.items()]
+
+
+def methods(law: str) -> list:
+    return [m for m in METHODS if (m.id, law) not in EXCEPTIONS]
+
+
+def turn(angle: float) -> np.ndarray:
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def walker(n_frames: int = 180) -> np.ndarray:
+    """(F, 12, 3) mm: a trunk that walks and sways with two swinging limbs of two segments, 3 markers on each part."""
+    t = np.arange(n_frames) / RATE
+    trunk = np.stack([900 * t, 40 * np.sin(2 * np.pi * t), 1000 + 25 * np.sin(4 * np.pi * t)], axis=1)
+    cluster = np.array([[60.0, 0, 0], [0, 50, 20], [-40, -30, 50]])
+    parts = [trunk[:, None] + cluster]
+    for side in (-1.0, 1.0):
+        upper = 0.5 * side * np.sin(2 * np.pi * t)
+        lower = upper + 0.3 * np.cos(2 * np.pi * t + side)
+        knee = trunk + [0, 150 * side, -100] + 400 * np.stack([np.sin(upper), 0 * t, -np.cos(upper)], axis=1)
+        ankle = knee + 400 * np.stack([np.sin(lower), 0 * t, -np.cos(lower)], axis=1)
+        parts.append(knee[:, None] + cluster[:2])
+        parts.append(ankle[:, None] + cluster)
+    return np.concatenate(parts, axis=1)[:, :12]
+
+
+def make_take(positions: np.ndarray, trusted: np.ndarray) -> Take:
+    names = tuple(f"m{k}" for k in range(positions.shape[1]))
+    return Take(positions=positions, trusted=trusted, markers=names, rate=RATE)
+
+
+@pytest.fixture
+def gapped() -> Take:
+    """Gaps inside and at both ends, one marker never trusted, one frame without any trust."""
+    positions = walker()
+    trusted = np.ones(positions.shape[:2], dtype=bool)
+    trusted[40:70, 3] = trusted[60:100, 8] = trusted[120:125, 1] = False
+    trusted[:12, 5] = trusted[-9:, 10] = False
+    trusted[:, 7] = False
+    trusted[90] = False
+    return make_take(np.where(trusted[..., None], positions, 0.0), trusted)
+
+
+def answer(module: ModuleType, take: Take, **parameters: object) -> Solution:
+    return module.solve(take, module.Params(**parameters))
+
+
+def scaled_parameters(module: ModuleType, scale: float) -> dict[str, float]:
+    """The defaults of the parameters whose unit is mm, in a unit of 1 / scale mm."""
+    fields = module.Params.__pydantic_fields__
+    return {n: f.default * scale for n, f in fields.items() if f.description.split(", ")[1] == "mm"}
+
+
+def filled_difference(one: Solution, other: np.ndarray) -> float:
+    return float(np.abs(one.positions - other)[one.filled].max())
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_shapes_and_input_untouched(module, gapped):
+    before = gapped.positions.copy(), gapped.trusted.copy()
+    solution = answer(module, gapped)
+    assert np.array_equal(gapped.positions, before[0])
+    assert np.array_equal(gapped.trusted, before[1])
+    assert solution.positions.shape == gapped.positions.shape
+    assert solution.positions.dtype == np.float64
+    assert solution.filled.shape == gapped.trusted.shape
+    assert solution.filled.dtype == bool
+    assert np.isfinite(solution.positions[solution.filled]).all()
+    assert solution.reason
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_fills_inside_gaps_and_never_invents(module, gapped):
+    filled = answer(module, gapped).filled
+    assert not (filled & ~fillable(gapped.trusted)).any()
+    assert not (enclosed(gapped.trusted) & ~filled).any()
+    assert not filled[:, 7].any()
+    assert not filled[90].any()
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_all_trusted_means_nothing_filled(module):
+    positions = walker(30)
+    solution = answer(module, make_take(positions, np.ones(positions.shape[:2], dtype=bool)))
+    assert not solution.filled.any()
+    assert solution.converged
+
+
+@pytest.mark.parametrize("poison", [1e9, np.nan])
+@pytest.mark.parametrize("module", METHODS)
+def test_untrusted_samples_are_never_read(module, gapped, poison):
+    poisoned = make_take(np.where(gapped.trusted[..., None], gapped.positions, poison), gapped.trusted)
+    clean, other = answer(module, gapped), answer(module, poisoned)
+    assert np.array_equal(clean.positions[clean.filled], other.positions[other.filled])
+    assert np.array_equal(clean.filled, other.filled)
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_same_bits_twice_and_the_global_random_state_is_left_alone(module, gapped):
+    np.random.seed(1)
+    first = answer(module, gapped)
+    state = np.random.get_state()[1].copy()
+    np.random.seed(2)
+    second = answer(module, gapped)
+    assert first.positions.tobytes() == second.positions.tobytes()
+    np.random.seed(1)
+    assert np.array_equal(state, np.random.get_state()[1])
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_permuting_markers_permutes_the_answer(module, gapped, rng):
+    order = rng.permutation(len(gapped.markers))
+    mixed = answer(module, make_take(gapped.positions[:, order], gapped.trusted[:, order]))
+    plain = answer(module, gapped)
+    assert np.array_equal(mixed.filled, plain.filled[:, order])
+    assert filled_difference(mixed, plain.positions[:, order]) < 1e-4
+
+
+@pytest.mark.parametrize("module", methods("moves"))
+def test_moving_the_world_moves_the_answer(module, gapped):
+    shift = np.array([4000.0, -2500.0, 300.0])
+    moved = answer(module, make_take(gapped.positions + shift, gapped.trusted))
+    assert filled_difference(moved, answer(module, gapped).positions + shift) < 1e-4
+
+
+@pytest.mark.parametrize("module", methods("turns"))
+def test_turning_the_world_turns_the_answer(module, gapped):
+    rotation = turn(0.7)
+    turned = answer(module, make_take(gapped.positions @ rotation.T, gapped.trusted))
+    assert filled_difference(turned, answer(module, gapped).positions @ rotation.T) < 1e-4
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_millimetres_or_metres_give_the_same_motion(module, gapped):
+    metres = make_take(gapped.positions / 1000, gapped.trusted)
+    small = answer(module, metres, **scaled_parameters(module, 1e-3))
+    assert filled_difference(small, answer(module, gapped).positions / 1000) < 1e-7
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_the_iteration_cap_is_obeyed_and_told(module, gapped):
+    if "max_iterations" not in module.Params.__pydantic_fields__:
+        assert answer(module, gapped).iterations == 0
+        return
+    solution = answer(module, gapped, max_iterations=3)
+    assert solution.iterations == 3
+    assert not solution.converged
+    assert "max_iterations 3" in solution.reason
+    free = answer(module, gapped)
+    assert free.iterations > 3
+    assert free.converged == ("reached" not in free.reason)
+
+
+@pytest.mark.parametrize("module", METHODS)
+def test_defaults_are_valid_and_documented(module):
+    assert module.Params() == module.Params()
+    assert module.__doc__
+    assert "\n" not in module.REFERENCE
+    for name, field in module.Params.__pydantic_fields__.items():
+        assert not field.is_required(), name
+        assert len(field.description.split(", ")) >= 3, name
+    assert dataclasses.is_dataclass(module.Params)
+    with pytest.raises(ValidationError, match="unheard_of"):
+        module.Params(unheard_of=1)
+
+
+@pytest.mark.parametrize("module", methods("better"))
+def test_better_than_linear_on_one_second_of_occlusion(module):
+    truth = walker(240)
+    trusted = np.ones(truth.shape[:2], dtype=bool)
+    trusted[80 : 80 + int(RATE), 9] = trusted[140 : 140 + int(RATE), 4] = False
+    take = make_take(np.where(trusted[..., None], truth, 0.0), trusted)
+    error = {m: np.square((answer(m, take).positions - truth)[~trusted]).mean() for m in (module, SOLVERS["linear"])}
+    assert error[module] < error[SOLVERS["linear"]]
+
+
+def sparse_take(n_frames: int, n_markers: int, *, value: float = 0.0, noise: float = 1.0) -> Take:
+    rng = np.random.default_rng(5)
+    positions = value + noise * rng.normal(size=(n_frames, n_markers, 3))
+    trusted = np.ones((n_frames, n_markers), dtype=bool)
+    trusted[n_frames // 2, 0] = False
+    return make_take(positions, trusted)
+
+
+DEGENERATE = {
+    "one marker": sparse_take(9, 1),
+    "one frame": sparse_take(1, 4),
+    "two frames": sparse_take(2, 4),
+    "three frames": sparse_take(3, 2),
+    "constant": sparse_take(20, 5, value=7.0, noise=0.0),
+    "all at the origin": sparse_take(20, 5, noise=0.0),
+    "a kilometre away": sparse_take(20, 5, value=1e6),
+    "nothing trusted": make_take(np.full((6, 3, 3), np.nan), np.zeros((6, 3), dtype=bool)),
+    "no frames": make_take(np.zeros((0, 3, 3)), np.zeros((0, 3), dtype=bool)),
+    "no markers": make_take(np.zeros((6, 0, 3)), np.zeros((6, 0), dtype=bool)),
+}
+
+
+@pytest.mark.parametrize("case", DEGENERATE)
+@pytest.mark.parametrize("module", METHODS)
+def test_degenerate_takes_get_a_sane_answer(module, case):
+    take = DEGENERATE[case]
+    solution = answer(module, take)
+    assert not (solution.filled & ~fillable(take.trusted)).any()
+    if solution.filled.any():
+        known = take.positions[take.trusted]
+        span = np.ptp(known, axis=0).max()
+        nearest = np.abs(solution.positions[solution.filled] - known.mean(axis=0)).max()
+        assert nearest <= 3 * span + 1e-6
