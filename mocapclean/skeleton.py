@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +61,19 @@ class Skeleton:
         return tuple(found)
 
 
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """A skeleton in motion: where its joints are, how they are turned, and what each channel works along.
+
+    positions: (F, J, 3) millimetres. rotations: (F, J, 3, 3) global. axes: (F, C, 3) unit vectors, the global
+    direction about which, or along which, a channel moves what hangs on it.
+    """
+
+    positions: Floats
+    rotations: Floats
+    axes: Floats
+
+
 def turn(axis: int, degrees: Floats) -> Floats:
     """Rotation matrices (..., 3, 3) about one coordinate axis by angles (...)."""
     radians = np.radians(degrees)
@@ -73,35 +87,70 @@ def turn(axis: int, degrees: Floats) -> Floats:
     return matrix
 
 
+def influence(skeleton: Skeleton) -> tuple[Bools, Bools]:
+    """Which channels decide where a joint is, and which how it is turned: two (J, C) masks."""
+    shape = (len(skeleton.names), len(skeleton.channels))
+    moved, turned = np.zeros(shape, dtype=bool), np.zeros(shape, dtype=bool)
+    own = np.array([c.joint for c in skeleton.channels], dtype=int)
+    rotates = np.array([c.is_rotation for c in skeleton.channels], dtype=bool)
+    for joint, parent in enumerate(skeleton.parents):
+        shifts = (own == joint) & ~rotates
+        if parent >= 0:
+            moved[joint], turned[joint] = moved[parent], turned[parent]
+            if shifts.any() or skeleton.before[joint].any():
+                moved[joint] |= turned[parent]
+        moved[joint] |= shifts
+        turned[joint] |= (own == joint) & rotates
+        if skeleton.after[joint].any():
+            moved[joint] |= turned[joint]
+    return moved, turned
+
+
+def move(skeleton: Skeleton, poses: Floats) -> Motion:
+    """Forward kinematics of finite poses (F, C), degrees and millimetres."""
+    n_frames, n_joints = len(poses), len(skeleton.names)
+    positions = np.empty((n_frames, n_joints, 3))
+    rotations = np.empty((n_frames, n_joints, 3, 3))
+    axes = np.empty((n_frames, len(skeleton.channels), 3))
+    turns: list[list[int]] = [[] for _ in range(n_joints)]
+    shifts: list[list[int]] = [[] for _ in range(n_joints)]
+    for index in skeleton.product:
+        turns[skeleton.channels[index].joint].append(index)
+    for index, channel in enumerate(skeleton.channels):
+        if not channel.is_rotation:
+            shifts[channel.joint].append(index)
+    for joint, parent in enumerate(skeleton.parents):
+        if parent >= 0:
+            base = rotations[:, parent]
+            place = positions[:, parent] + base @ skeleton.before[joint]
+        else:
+            base = np.broadcast_to(np.eye(3), (n_frames, 3, 3))
+            place = np.broadcast_to(skeleton.before[joint], (n_frames, 3))
+        for index in shifts[joint]:
+            axes[:, index] = base[:, :, skeleton.channels[index].axis]
+            place = place + axes[:, index] * poses[:, index, None]
+        if turns[joint]:
+            base = base @ skeleton.frames[joint]
+            for index in turns[joint]:
+                axis = skeleton.channels[index].axis
+                axes[:, index] = base[:, :, axis]
+                base = base @ turn(axis, poses[:, index])
+            base = base @ skeleton.frames[joint].T
+        rotations[:, joint] = base
+        positions[:, joint] = place + base @ skeleton.after[joint]
+    return Motion(positions=positions, rotations=rotations, axes=axes)
+
+
 def forward(skeleton: Skeleton, poses: Floats) -> tuple[Floats, Floats]:
     """Forward kinematics of poses (F, C), degrees and millimetres.
 
     Returns the joint positions (F, J, 3) in millimetres and the global rotations (F, J, 3, 3). A NaN channel makes
-    everything that hangs on it NaN.
+    NaN every position and every rotation that it decides, and no other.
     """
-    n_frames, n_joints = len(poses), len(skeleton.names)
-    positions = np.empty((n_frames, n_joints, 3))
-    rotations = np.empty((n_frames, n_joints, 3, 3))
-    local: list[Floats | None] = [None] * n_joints
-    shift: dict[int, Floats] = {}
-    for index in skeleton.product:
-        channel = skeleton.channels[index]
-        matrix = turn(channel.axis, poses[:, index])
-        previous = local[channel.joint]
-        local[channel.joint] = matrix if previous is None else previous @ matrix
-    for index, channel in enumerate(skeleton.channels):
-        if not channel.is_rotation:
-            shift.setdefault(channel.joint, np.zeros((n_frames, 3)))[:, channel.axis] = poses[:, index]
-    for joint, parent in enumerate(skeleton.parents):
-        axes, turned = skeleton.frames[joint], local[joint]
-        own = np.broadcast_to(np.eye(3), (n_frames, 3, 3)) if turned is None else axes @ turned @ axes.T
-        reach = skeleton.before[joint] + shift.get(joint, 0.0)
-        if parent >= 0:
-            base = rotations[:, parent]
-            own = base @ own
-            place = positions[:, parent] + np.einsum("fij,fj->fi", base, np.broadcast_to(reach, (n_frames, 3)))
-        else:
-            place = np.broadcast_to(reach, (n_frames, 3))
-        rotations[:, joint] = own
-        positions[:, joint] = place + own @ skeleton.after[joint]
-    return positions, rotations
+    missing = np.isnan(poses)
+    motion = move(skeleton, np.where(missing, 0.0, poses))
+    if missing.any():
+        moved, turned = influence(skeleton)
+        motion.positions[missing @ moved.T] = np.nan
+        motion.rotations[missing @ turned.T] = np.nan
+    return motion.positions, motion.rotations
