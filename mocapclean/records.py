@@ -119,6 +119,21 @@ class Take:
             origin=None,
         )
 
+    def crop(self, start: int, stop: int, step: int = 1) -> "Take":
+        """The take with only these frames, by index, every ``step``-th; it can no longer be written to its own file."""
+        frames = slice(start, stop, step)
+        return replace(
+            self,
+            positions=self.positions[frames],
+            trusted=self.trusted[frames],
+            filled=self.filled[frames],
+            moved=self.moved[frames],
+            rate=self.rate / step,
+            first_frame=self.first_frame + start,
+            findings=(),
+            origin=None,
+        )
+
     def numbers(self, start: int, stop: int) -> tuple[int, int]:
         """A half-open span of indices as the file's own first and last frame numbers."""
         return start + self.first_frame, stop - 1 + self.first_frame

@@ -112,7 +112,7 @@ def test_left_samples_fail_only_when_a_limit_was_asked_for(folder):
 
 def test_invalidate_marks_what_is_left(folder):
     (folder / "bad.csv").write_text("LELB,20,29\n")
-    arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--max-gap", "5", "--invalidate")
+    arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--max-gap", "5", "--invalidate", "--method", "linear")
     code, out, _ = run("fill", folder / "walk_truth.c3d", *arguments, "-o", folder / "out.c3d")
     assert code == 0
     assert "10 samples marked missing" in out
@@ -131,7 +131,7 @@ def test_a_configuration_file_and_the_resolved_one_in_the_report(folder):
 def test_several_inputs_go_one_after_the_other_and_a_failure_stops_none(folder):
     (folder / "broken.c3d").write_bytes(b"\x02\x50" + bytes(100))
     inputs = [folder / name for name in ("walk.c3d", "broken.c3d", "walk.bvh")]
-    code, out, err = run(
+    code, _out, err = run(
         "fill", *inputs, "--out-dir", folder / "clean", "--method", "linear", "--report", folder / "all.json"
     )
     assert code == 1
@@ -223,7 +223,7 @@ def test_wrong_usage_exits_2_and_writes_nothing(folder, what, arguments, message
         "short": folder / "short" / "walk.c3d",
     }
     before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    code, out, err = run("fill", *(argument.format(**names) for argument in arguments))
+    code, _out, err = run("fill", *(argument.format(**names) for argument in arguments))
     assert code == 2, err
     assert message in err
     assert "Traceback" not in err
@@ -247,7 +247,7 @@ def test_bad_files_exit_1_with_one_sentence(tmp_path, name, content, message):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
-    code, out, err = run("fill", path, "--method", "linear")
+    code, _out, err = run("fill", path, "--method", "linear")
     assert code == 1
     assert len(err.strip().splitlines()) == 1
     assert message in err

@@ -314,7 +314,7 @@ def test_what_cannot_be_done_is_refused(rng: np.random.Generator, ask, said: str
 
 def test_a_take_too_short_for_its_share_is_refused() -> None:
     take = perform("walk", 1.0, 30.0).markers
-    tiny = replace(take, positions=take.positions[:1], trusted=take.trusted[:1], filled=np.zeros((1, 41), dtype=bool))
+    tiny = take.crop(0, 1)
     with pytest.raises(UsageError, match="ask for less"):
         occlude(tiny, np.random.default_rng(0), 0.3)
 
