@@ -37,9 +37,7 @@ def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Se
     return Outcome(
         source=Path(),
         status="repaired" if counts.filled or counts.moved or counts.invalidated else "unchanged",
-        error=f"{counts.left} samples are left, more than --max-left {settings.max_left}."
-        if too_many
-        else "",
+        error=f"{counts.left} samples are left, more than --max-left {settings.max_left}." if too_many else "",
         exit_code=int(too_many),
         n_frames=len(before.trusted),
         n_markers=len(before.markers),
@@ -65,9 +63,7 @@ def _rule_mask(take: Take, rule: str) -> Bools:
 
 
 def _gaps(before: Take, merged: Take, after: Take, wanted: Bools) -> tuple[Gap, ...]:
-    rules = {
-        name: _rule_mask(before, name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)
-    }
+    rules = {name: _rule_mask(before, name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
     for marker, start, stop in column_runs(~before.trusted):
         span = (slice(start, stop), marker)
@@ -101,9 +97,7 @@ def _why_left(before: Take, merged: Take, wanted: Bools, marker: int, start: int
     return "the method has no answer here"
 
 
-def _bones(
-    before: Take, after: Take
-) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
+def _bones(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
     source, bones = bones_of(before)
     columns = {name: column for column, name in enumerate(before.markers)}
     ends = np.array([(columns[b.start], columns[b.end]) for b in bones], dtype=np.intp).reshape(-1, 2)

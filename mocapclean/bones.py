@@ -70,13 +70,10 @@ def rigid_pairs(take: Take) -> tuple[Bone, ...]:
     chosen = set()
     for marker in range(len(take.markers)):
         partners = np.flatnonzero(good[marker])
-        nearest = partners[
-            np.argsort(spread[marker, partners] + 0.01 * median[marker, partners], kind="stable")
-        ]
+        nearest = partners[np.argsort(spread[marker, partners] + 0.01 * median[marker, partners], kind="stable")]
         chosen |= {(min(marker, int(p)), max(marker, int(p))) for p in nearest[:_PARTNERS]}
     return tuple(
-        Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b]))
-        for a, b in sorted(chosen)
+        Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b])) for a, b in sorted(chosen)
     )
 
 

@@ -30,7 +30,7 @@ DEFAULT_METHOD = "trnn2"
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
-_PATHS = ("skeleton", "gaps", "reference", "output", "out_dir", "report")
+_PATHS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report")
 
 
 def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
@@ -55,6 +55,7 @@ class Settings(BaseModel):
     detect: bool = Field(default=True, description="look for samples that cannot be trusted")
     trust: Trust = Field(default_factory=Trust)  # type: ignore[valid-type]
     skeleton: Path | None = Field(default=None, description=".asf or .bvh with joints and bones")
+    dictionary: Path | None = Field(default=None, description="of 'mocapclean train', for llc and srmmp")
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files that do not say")
     unit: Literal["mm", "cm", "m", "in"] | PositiveFloat | None = Field(
         default=None,

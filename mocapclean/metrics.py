@@ -63,9 +63,7 @@ def bone_lengths(positions: Floats, known: Bools, ends: NDArray[np.intp], refere
     return rows
 
 
-def skeleton_rmse(
-    positions: Floats, known: Bools, ends: NDArray[np.intp], references: Floats
-) -> float | None:
+def skeleton_rmse(positions: Floats, known: Bools, ends: NDArray[np.intp], references: Floats) -> float | None:
     """Tan et al. 2015, eq. 25, mm: the RMS over frames and bones of length minus reference.
 
     The printed formula lacks the sum over frames. A bone with an unknown end in a frame does not count in it.
@@ -80,12 +78,11 @@ def skeleton_rmse(
 
 def _length(positions: Floats, known: Bools, a: int, b: int) -> Floats:
     both = known[:, a] & known[:, b]
-    return np.linalg.norm(positions[both, a] - positions[both, b], axis=1)
+    length: Floats = np.linalg.norm(positions[both, a] - positions[both, b], axis=1)
+    return length
 
 
-def by_length(
-    lengths: Sequence[int], limits: Sequence[int] = LENGTH_CLASSES
-) -> list[tuple[str, NDArray[np.intp]]]:
+def by_length(lengths: Sequence[int], limits: Sequence[int] = LENGTH_CLASSES) -> list[tuple[str, NDArray[np.intp]]]:
     """Group gaps by length in frames: (name of the class, indices of its gaps), empty classes left out."""
     lows = [1, *(limit + 1 for limit in limits)]
     names = [*(f"{low}-{high}" for low, high in zip(lows, limits, strict=False)), f"over {limits[-1]}"]

@@ -17,6 +17,7 @@ from mocapclean import formats
 from mocapclean.account import account, judge
 from mocapclean.bones import check_names, subject_of
 from mocapclean.config import DEFAULT_METHOD, Settings
+from mocapclean.dictionary import Dictionary, load
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.records import Bools, Outcome, Solution, Take
 from mocapclean.runs import column_runs
@@ -25,11 +26,12 @@ from mocapclean.trust import detect
 from mocapclean.trust.spans import distrust, read_spans
 
 
-def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Sequence[Take] = (), **parameters: Any) -> Take:
+def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
     """Fill the untrusted samples of a take with one method; trusted samples come out bit for bit.
 
-    parameters: the method's own (``mocapclean methods`` lists them). library: clean takes, for methods that learn
-    from others. Raises UsageError for an unknown method or parameter, SolverError when the method has no answer.
+    parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
+    learn from other takes. Raises UsageError for an unknown method or parameter, SolverError when the method has no
+    answer.
     """
     if method not in SOLVERS:
         raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {method!r}.")
@@ -73,7 +75,7 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
     if play.trusted.all():
         solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
-        solution = SOLVERS[settings.method].solve(play, settings.params, ())
+        solution = SOLVERS[settings.method].solve(play, settings.params, _library(settings))
     merged = merge(play, solution, wanted)
     written = formats.write(
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
@@ -94,6 +96,10 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
         solution=_facts(solution),
         reference=settings.reference,
     )
+
+
+def _library(settings: Settings) -> Dictionary | None:
+    return load(settings.dictionary) if settings.dictionary else None
 
 
 def inspect(source: Path, settings: Settings) -> Outcome:

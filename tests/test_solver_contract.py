@@ -1,12 +1,15 @@
 """The laws that every gap-filling method keeps; each exception stands in one table with its reason."""
 
 import dataclasses
+from functools import cache
 from types import ModuleType
 
 import numpy as np
 import pytest
+from dictionaries import learn
 from pydantic import ValidationError
 
+from mocapclean.dictionary import Dictionary
 from mocapclean.numerics.evidence import enclosed, fillable
 from mocapclean.records import Solution, Take
 from mocapclean.solvers import SOLVERS
@@ -17,6 +20,14 @@ EXCEPTIONS = {
     ("spline", "better"): "no curve through the marker itself can tell what it did over a whole stride",
     ("spline", "turns"): "the slope limiter works on each coordinate",
     ("trnn2", "turns"): "the magnitudes of the first difference are summed coordinate by coordinate",
+    ("trnn", "turns"): "the magnitudes of the sparse noise are summed coordinate by coordinate",
+    ("tsmc", "turns"): "the magnitudes of the sparse noise are summed coordinate by coordinate",
+    ("bolero", "scales"): "markers are a rigid pair when their distance stays within so many millimetres",
+    ("bolero", "degenerate"): "it refuses a take in which no bone is known; its own tests hold it to that",
+    ("scsvt", "scales"): "markers are a rigid pair when their distance stays within so many millimetres",
+    ("scsvt", "degenerate"): "it refuses a take in which no bone is known; its own tests hold it to that",
+    ("llc", "degenerate"): "a dictionary is of named markers and refuses others; its own tests hold it to that",
+    ("srmmp", "degenerate"): "a dictionary is of named markers and refuses others; its own tests hold it to that",
 }
 METHODS = [pytest.param(module, id=name) for name, module in SOLVERS.items()]
 
@@ -63,8 +74,30 @@ def gapped() -> Take:
     return make_take(np.where(trusted[..., None], positions, 0.0), trusted)
 
 
-def answer(module: ModuleType, take: Take, **parameters: object) -> Solution:
-    return module.solve(take, module.Params(**parameters))
+@cache
+def walker_dictionary(scale: float) -> Dictionary:
+    learnt = learn(walker(300), RATE)
+    atoms = {part: scale * words for part, words in learnt.atoms.items()}
+    return dataclasses.replace(learnt, atoms=atoms, poses=scale * learnt.poses)
+
+
+LIBRARIES = {"llc": walker_dictionary, "srmmp": walker_dictionary}
+
+
+def answer(module: ModuleType, take: Take, *, scale: float = 1.0, **parameters: object) -> Solution:
+    name = module.__name__.rpartition(".")[2]
+    library = [LIBRARIES[name](scale)] if name in LIBRARIES else []
+    return module.solve(take, module.Params(**parameters), *library)
+
+
+STEADY = {  # where a long way through non-convex or extrapolated iterates magnifies rounding, a way that does not
+    "tsmc": {"memory": 0, "max_iterations": 400},
+    "trnn": {"growth": 1.4},
+}
+
+
+def steady(module: ModuleType, take: Take, **parameters: object) -> Solution:
+    return answer(module, take, **STEADY.get(module.__name__.rpartition(".")[2], {}), **parameters)
 
 
 def scaled_parameters(module: ModuleType, scale: float) -> dict[str, float]:
@@ -132,8 +165,8 @@ def test_same_bits_twice_and_the_global_random_state_is_left_alone(module, gappe
 @pytest.mark.parametrize("module", METHODS)
 def test_permuting_markers_permutes_the_answer(module, gapped, rng):
     order = rng.permutation(len(gapped.markers))
-    mixed = answer(module, make_take(gapped.positions[:, order], gapped.trusted[:, order]))
-    plain = answer(module, gapped)
+    mixed = steady(module, gapped.select(order))
+    plain = steady(module, gapped)
     assert np.array_equal(mixed.filled, plain.filled[:, order])
     assert filled_difference(mixed, plain.positions[:, order]) < 1e-4
 
@@ -141,8 +174,8 @@ def test_permuting_markers_permutes_the_answer(module, gapped, rng):
 @pytest.mark.parametrize("module", methods("moves"))
 def test_moving_the_world_moves_the_answer(module, gapped):
     shift = np.array([4000.0, -2500.0, 300.0])
-    moved = answer(module, make_take(gapped.positions + shift, gapped.trusted))
-    assert filled_difference(moved, answer(module, gapped).positions + shift) < 1e-4
+    moved = steady(module, make_take(gapped.positions + shift, gapped.trusted))
+    assert filled_difference(moved, steady(module, gapped).positions + shift) < 1e-4
 
 
 @pytest.mark.parametrize("module", methods("turns"))
@@ -152,11 +185,11 @@ def test_turning_the_world_turns_the_answer(module, gapped):
     assert filled_difference(turned, answer(module, gapped).positions @ rotation.T) < 1e-4
 
 
-@pytest.mark.parametrize("module", METHODS)
+@pytest.mark.parametrize("module", methods("scales"))
 def test_millimetres_or_metres_give_the_same_motion(module, gapped):
     metres = make_take(gapped.positions / 1000, gapped.trusted)
-    small = answer(module, metres, **scaled_parameters(module, 1e-3))
-    assert filled_difference(small, answer(module, gapped).positions / 1000) < 1e-7
+    small = steady(module, metres, scale=1e-3, **scaled_parameters(module, 1e-3))
+    assert filled_difference(small, steady(module, gapped).positions / 1000) < 1e-7
 
 
 @pytest.mark.parametrize("module", METHODS)
@@ -219,7 +252,7 @@ DEGENERATE = {
 
 
 @pytest.mark.parametrize("case", DEGENERATE)
-@pytest.mark.parametrize("module", METHODS)
+@pytest.mark.parametrize("module", methods("degenerate"))
 def test_degenerate_takes_get_a_sane_answer(module, case):
     take = DEGENERATE[case]
     solution = answer(module, take)

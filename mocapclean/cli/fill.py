@@ -23,6 +23,7 @@ from mocapclean.report.text import summary
 @click.option("--out-dir", type=FILE, help="Folder for the repaired files, under their own names.")
 @click.option("--overwrite/--no-overwrite", default=None, help="Replace outputs that exist.")
 @click.option("--method", help="How to fill; see 'mocapclean methods'.")
+@click.option("--dictionary", type=FILE, help="What 'mocapclean train' wrote; llc and srmmp need it.")
 @click.option("--max-gap", type=int, help="Leave gaps of more frames than this.")
 @click.option("--max-left", help="Exit 1 when more samples are left unfilled: a number, or a percentage such as 2%.")
 @click.option(
@@ -67,7 +68,7 @@ def plan(files: tuple[Path, ...], chosen: Settings, config: Path | None) -> list
     if chosen.output and (len(files) > 1 or chosen.out_dir):
         raise UsageError("--output takes one input and no --out-dir. Use --out-dir for several.")
     jobs = [(source, chosen.output or _default_output(source, chosen)) for source in files]
-    named = [path for path in (chosen.skeleton, chosen.gaps, chosen.reference, config) if path]
+    named = [path for path in (chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config) if path]
     targets = [output for _, output in jobs]
     for source, output in jobs:
         if chosen.output and output.suffix.lower() != source.suffix.lower():

@@ -179,11 +179,12 @@ def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterabl
         if finding.rule == "missing":
             continue
         where = "" if finding.marker is None else f"{finding.marker}: "
-        frames = (
-            "" if finding.frames is None else f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
-        )
+        frames = ""
+        if finding.frames is not None:
+            frames = f" (frames {finding.frames[0] + first}-{finding.frames[1] - 1 + first})"
         advice = f"; {finding.advice.rstrip('.')}" if finding.advice else ""
-        yield _line("note" if finding.level == "info" else finding.level, f"{where}{finding.message.rstrip('.')}{frames}{advice}")
+        label = "note" if finding.level == "info" else finding.level
+        yield _line(label, f"{where}{finding.message.rstrip('.')}{frames}{advice}")
 
 
 def _marker_table(outcome: Outcome) -> list[str]:

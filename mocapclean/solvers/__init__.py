@@ -5,8 +5,8 @@ A method module has
 - ``REFERENCE``: authors, year, title and DOI in one line;
 - ``Params``: a frozen dataclass whose fields have a range, a default and the description "symbol, unit, what";
   a field in millimetres says so as its unit;
-- ``solve(take, params, library=())``: the Solution; ``library`` is clean training takes for the methods that
-  learn from others.
+- ``solve(take, params, library=None)``: the Solution; ``library`` is the trained Dictionary, for the methods that
+  learn from other takes.
 
 A method never reads an untrusted sample, never answers for a marker or a frame in which nothing is trusted, and
 knows no file, clock, terminal or global random state.
@@ -14,6 +14,36 @@ knows no file, clock, terminal or global random state.
 
 from types import ModuleType
 
-from mocapclean.solvers import linear, spline, trnn2
+from mocapclean.solvers import (
+    bolero,
+    dynammo,
+    ialm,
+    linear,
+    llc,
+    psvt,
+    scsvt,
+    spline,
+    srmmp,
+    svt,
+    tnnr,
+    trnn,
+    trnn2,
+    tsmc,
+)
 
-SOLVERS: dict[str, ModuleType] = {"linear": linear, "spline": spline, "trnn2": trnn2}
+SOLVERS: dict[str, ModuleType] = {
+    "linear": linear,
+    "spline": spline,
+    "trnn2": trnn2,
+    "trnn": trnn,
+    "tsmc": tsmc,
+    "dynammo": dynammo,
+    "bolero": bolero,
+    "svt": svt,
+    "scsvt": scsvt,
+    "ialm": ialm,
+    "psvt": psvt,
+    "tnnr": tnnr,
+    "srmmp": srmmp,
+    "llc": llc,
+}

@@ -4,10 +4,9 @@ x(t) = x_a + (t − a) / (b − a) · (x_b − x_a) between the trusted frames a
 the first or last frame has no second side and is left unfilled. Cost: O(F M).
 """
 
-from collections.abc import Sequence
-
 from pydantic.dataclasses import dataclass
 
+from mocapclean.dictionary import Dictionary
 from mocapclean.numerics.evidence import enclosed
 from mocapclean.numerics.interpolation import linear
 from mocapclean.parameters import STRICT
@@ -21,6 +20,6 @@ class Params:
     """Nothing to choose."""
 
 
-def solve(take: Take, params: Params, library: Sequence[Take] = ()) -> Solution:
+def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill the gaps that have a trusted sample of the same marker on both sides."""
     return Solution(positions=linear(take.positions, take.trusted), filled=enclosed(take.trusted))

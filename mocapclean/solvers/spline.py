@@ -8,10 +8,9 @@ answer a little. Cost: O(F M).
 F. N. Fritsch, R. E. Carlson, Monotone piecewise cubic interpolation, 1980, doi:10.1137/0717021.
 """
 
-from collections.abc import Sequence
-
 from pydantic.dataclasses import dataclass
 
+from mocapclean.dictionary import Dictionary
 from mocapclean.numerics.evidence import enclosed
 from mocapclean.numerics.interpolation import monotone
 from mocapclean.parameters import STRICT
@@ -25,6 +24,6 @@ class Params:
     """Nothing to choose."""
 
 
-def solve(take: Take, params: Params, library: Sequence[Take] = ()) -> Solution:
+def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill the gaps that have a trusted sample of the same marker on both sides."""
     return Solution(positions=monotone(take.positions, take.trusted), filled=enclosed(take.trusted))

@@ -32,7 +32,6 @@ Cost per iteration: two Gram matrices and products of F × 3M, O(F M²), two eig
 pentadiagonal solve over the missing entries.
 """
 
-from collections.abc import Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -40,6 +39,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from mocapclean.dictionary import Dictionary
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.differences import FreeSystem, add_adjoint, difference, normal_bands, times_bands
 from mocapclean.numerics.evidence import fillable
@@ -96,7 +96,7 @@ class Params:
     max_iterations: Annotated[int, Field(ge=1, description="K, 1, most inner iterations in all")] = 3000
 
 
-def solve(take: Take, params: Params, library: Sequence[Take] = ()) -> Solution:
+def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill every marker and frame that has some evidence, edges included.
 
     The trace is the objective of the printed (4), in normalised units, after every outer step.

@@ -1,0 +1,136 @@
+"""``mocapclean train``: learn a body's dictionary from clean takes."""
+
+from collections.abc import Iterator
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+from tqdm import tqdm
+
+from mocapclean import formats
+from mocapclean.body_parts import BodyParts, from_mapping, known_parts
+from mocapclean.cli.guard import guarded
+from mocapclean.cli.options import FILE
+from mocapclean.config import MILLIMETRES
+from mocapclean.errors import UsageError
+from mocapclean.records import Take
+from mocapclean.training import Params, n_steps, train
+
+
+def _training(command: Any) -> Any:
+    """Add one option for every training parameter."""
+    for field in reversed(fields(Params)):
+        about = Params.__pydantic_fields__[field.name].description.split(", ", 2)  # type: ignore[attr-defined]
+        name = "--" + field.name.replace("_", "-")
+        text = f"{about[2]} ({about[0]})."
+        command = click.option(name, type=type(field.default), default=field.default, show_default=True, help=text)(
+            command
+        )
+    return command
+
+
+@click.command("train")
+@click.argument("inputs", nargs=-1, required=True, type=FILE, metavar="FOLDER|FILES...")
+@click.option("-o", "--output", type=FILE, required=True, help="The dictionary, such as walk.dict.npz.")
+@click.option("--body-parts", type=FILE, help="YAML: names of markers under TO, LA, RA, LL, RL, and the frame.")
+@click.option("--exclude", multiple=True, metavar="NAME", help="Leave this marker out.")
+@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, where it does not lie beside them.")
+@click.option("--rate", type=float, help="Frames per second, for files that do not say (AMC: 120).")
+@click.option(
+    "--unit", default="cm", show_default=True, help="Unit of length of BVH files: mm, cm, m, in, or mm per unit."
+)
+@click.option(
+    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The same seed gives the same dictionary."
+)
+@click.option("--overwrite", is_flag=True, help="Replace a dictionary that exists.")
+@_training
+@guarded
+def command(
+    inputs: tuple[Path, ...],
+    output: Path,
+    body_parts: Path | None,
+    exclude: tuple[str, ...],
+    skeleton: Path | None,
+    rate: float | None,
+    unit: str,
+    seed: int,
+    overwrite: bool,
+    **options: Any,
+) -> int:
+    """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc): FILES, or all of a FOLDER.
+
+    All must be of one body, with the same markers and rate; only trusted samples are learnt from.
+    """
+    try:
+        params = Params(**options)
+    except ValidationError as invalid:
+        fault = invalid.errors()[0]
+        raise UsageError(
+            f"--{str(fault['loc'][0]).replace('_', '-')}: {fault['msg']}. Got {fault['input']!r}."
+        ) from None
+    files = list(_files(inputs))
+    if output.suffix.lower() != ".npz":
+        raise UsageError(f"{output}: the name of a dictionary must end in .npz.")
+    for kept in (*files, skeleton, body_parts):
+        formats.check_output(output, kept, overwrite)
+    takes = [
+        _without(formats.read(f, **_options(f, skeleton, rate, unit)), exclude)
+        for f in tqdm(files, "read", disable=None)
+    ]
+    parts = _read_parts(body_parts) if body_parts else known_parts(takes[0].markers)
+    with tqdm(total=n_steps(parts, params), desc="train", disable=None) as bar:
+        dictionary = train(takes, parts, params, seed, bar.update)
+    with formats.new_file(output) as part:
+        dictionary.save(part)
+    sizes = ", ".join(f"{name} {len(atoms)}" for name, atoms in dictionary.atoms.items())
+    click.echo(
+        f"{output}: {len(takes)} takes, {dictionary.parameters['frames']} frames; atoms: {sizes}; "
+        f"{len(dictionary.poses)} poses"
+    )
+    return 0
+
+
+def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
+    suffixes = {suffix for module in formats.FORMATS.values() for suffix in module.SUFFIXES}
+    for path in inputs:
+        if not path.is_dir():
+            yield path
+            continue
+        found = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
+        if not found:
+            raise UsageError(f"{path}: the folder must hold takes ({', '.join(sorted(suffixes))}). Got none.")
+        yield from found
+
+
+def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:
+    return {
+        "skeleton": skeleton if formats.format_of(path) == "amc" else None,
+        "rate": rate,
+        "unit": _millimetres(unit),
+    }
+
+
+def _millimetres(unit: str) -> float:
+    try:
+        return MILLIMETRES[unit] if unit in MILLIMETRES else float(unit)
+    except ValueError:
+        raise UsageError(f"--unit must be {', '.join(MILLIMETRES)}, or millimetres per unit. Got {unit!r}.") from None
+
+
+def _without(take: Take, exclude: tuple[str, ...]) -> Take:
+    kept = [k for k, name in enumerate(take.markers) if name not in exclude]
+    return replace(take.select(np.array(kept, dtype=np.intp)), origin=take.origin)
+
+
+def _read_parts(path: Path) -> BodyParts:
+    try:
+        return from_mapping(YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8")), str(path))
+    except OSError as fault:
+        raise UsageError(f"{path}: cannot be read: {fault.strerror}.") from None
+    except (YAMLError, UnicodeDecodeError) as fault:
+        raise UsageError(f"{path}: not valid YAML: {str(fault).splitlines()[0]}.") from None

@@ -1,0 +1,57 @@
+"""Partial singular value thresholding: the first N singular values are free, the others are small.
+
+    min_X      Σ_{i>N} σ_i(X)             subject to  X = D on the trusted entries             (mode completion)
+    min_{X,E}  Σ_{i>N} σ_i(X) + λ ‖E‖₁    subject to  X + E = D, E free on the untrusted       (mode robust)
+
+The iterations are those of ``ialm`` with another shrinkage, which leaves the first N singular values as they are:
+argmin_X ½‖X − Q‖² + τ Σ_{i>N} σ_i(X) = U diag(σ_1 .. σ_N, max(σ_{N+1} − τ, 0), ..) Vᵀ. N = 0 is ``ialm``.
+
+T.-H. Oh, Y.-W. Tai, J.-C. Bazin, H. Kim, I. S. Kweon, 2016, doi:10.1109/TPAMI.2015.2465956.
+
+Departures, modes and cost are those of ``ialm``, and:
+
+- The problem is not convex, so the answer depends on the start. In mode completion N is raised step by step
+  (``rank_schedule``), each stage starting from the last, the first from 0 (the mean) on the untrusted entries; an
+  empty schedule starts at N. The growing penalty (``schedule="paper"``) does not settle there with N > 1.
+- The paper takes N as known; the defaults here come from benchmarks/low_rank_sweep.py.
+"""
+
+from typing import Annotated
+
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from mocapclean.dictionary import Dictionary
+from mocapclean.parameters import STRICT
+from mocapclean.records import Solution, Take
+from mocapclean.solvers import ialm
+
+REFERENCE = (
+    "T.-H. Oh, Y.-W. Tai, J.-C. Bazin, H. Kim, I. S. Kweon, 2016, Partial sum minimization of singular values in "
+    "robust PCA, doi:10.1109/TPAMI.2015.2465956"
+)
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class Params(ialm.Params):
+    """Those of ``ialm``, and how many singular values are free."""
+
+    penalty: Annotated[float, Field(gt=0, description="μ‖D‖₂, 1, penalty of the fixed schedule")] = 300.0
+    relaxation: Annotated[
+        float, Field(gt=0, lt=2, description="α, 1, fixed schedule: factor of every step, above 1 to go further")
+    ] = 1.0
+    growth: Annotated[
+        float, Field(ge=1, description="ρ, 1, robust: factor of the penalty in every iteration; 1.5 as printed")
+    ] = 1.02
+    rank: Annotated[int, Field(ge=0, description="N, 1, singular values left free")] = 6
+    rank_schedule: Annotated[
+        tuple[Annotated[int, Field(ge=0, strict=True)], ...],
+        Field(strict=False, description="N_s, 1, completion: ranks passed through on the way to N; empty: start at N"),
+    ] = (0, 1, 2, 3, 4, 5)
+    stage_iterations: Annotated[int, Field(ge=1, description="k, 1, most iterations at a rank passed through")] = 100
+
+
+def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
+    """Fill every marker and frame that has some evidence; trace and outliers are those of ``ialm``."""
+    ranks = [*(r for r in params.rank_schedule if r < params.rank), params.rank]
+    return ialm.separate(take, params, ranks, params.stage_iterations)
