@@ -62,16 +62,12 @@ def read_take(path: Path) -> Take:
         return amc.read(path, ReadOptions(skeleton=asf, rate=120.0))
     take = c3d.read(path, ReadOptions())
     kept = [k for k, name in enumerate(take.markers) if not name.startswith("*") and take.trusted[:, k].any()]
-    names = tuple(take.markers[k] for k in kept)
-    return replace(
-        take, positions=take.positions[:, kept], trusted=take.trusted[:, kept], filled=None, markers=names, origin=None
-    )
+    return take.select(np.asarray(kept))
 
 
 def excerpt(take: Take, n_frames: int) -> Take:
     first = max((len(take.positions) - n_frames) // 2, 0)
-    span = slice(first, first + n_frames)
-    return replace(take, positions=take.positions[span], trusted=take.trusted[span], filled=None)
+    return take.crop(first, first + n_frames)
 
 
 def hide(take: Take, pattern: str, seed: int) -> tuple[Take, np.ndarray]:
