@@ -64,14 +64,14 @@ class Capture:
 class Entry:
     """A method as it enters an experiment.
 
-    variant: a name for it among those of one method. changes: the parameters that are not the defaults. library: the
+    variant: a name for it among those of one method. changes: the parameters that are not the defaults. learned: the
     dictionary of a method that learns.
     """
 
     method: str
     variant: str = ""
     changes: Mapping[str, Any] = field(default_factory=dict)
-    library: Dictionary | None = field(default=None, repr=False)
+    learned: Dictionary | None = field(default=None, repr=False)
 
     @property
     def parameters(self) -> str:
@@ -124,7 +124,7 @@ class Choice:
     def _equipped(self, entry: Entry) -> Entry:
         if self.dictionary is None or entry.method not in LEARNERS:
             return entry
-        return replace(entry, variant=f"with {self.dictionary.sha256[:8]}", library=self.dictionary)
+        return replace(entry, variant=f"with {self.dictionary.sha256[:8]}", learned=self.dictionary)
 
 
 def parameters(entry: Entry) -> Any:
@@ -214,7 +214,7 @@ def solve(take: Take, missing: Bools, entry: Entry) -> tuple[Solution, float]:
     params = parameters(entry)
     broken = hide(take, missing)
     begin = perf_counter()
-    solution = SOLVERS[entry.method].solve(broken, params, entry.library)
+    solution = SOLVERS[entry.method].solve(broken, params, entry.learned)
     return solution, perf_counter() - begin
 
 

@@ -42,7 +42,7 @@ def jobs(choice: Choice) -> list[Job]:
         ratios = RATIOS[::2] if choice.quick else RATIOS
         blocks = [Loss(length=LENGTH, out=max(1, round(ratio * n_markers))) for ratio in ratios]
         chosen = [*(Loss(ratio=ratio) for ratio in ratios), *blocks]
-        learns = any(entry.method in LEARNERS and entry.library is None for entry in entries)
+        learns = any(entry.method in LEARNERS and entry.learned is None for entry in entries)
         split = split_of(capture, choice) if learns else []
         found += _jobs(replace(choice, captures=(capture,)), entries, chosen, split, params)
     return found
@@ -57,8 +57,8 @@ def _jobs(choice: Choice, entries: list[Entry], losses: list[Loss], split: list[
         return train(takes, known_parts(takes[0].markers), params)
 
     def run_trained(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
-        learns = entry.method in LEARNERS and entry.library is None
-        return run(capture, replace(entry, library=dictionary()) if learns else entry, loss, seed)
+        learns = entry.method in LEARNERS and entry.learned is None
+        return run(capture, replace(entry, learned=dictionary()) if learns else entry, loss, seed)
 
     learnt = hashlib.sha256(repr([params, *(capture.digest for capture in split)]).encode()).hexdigest()[:8]
     made = grid(choice.shortened(QUICK_FRAMES), entries, losses, run_trained)

@@ -76,10 +76,11 @@ class Copies:
         """Move the copies to the state's; Z (F, n), the target of the step in X, to be used before the next call."""
         given, before, pull = self.observation, self.matrix(self.state[-1]), self._pull
         threshold = given.sparsity / penalty
-        np.subtract(before, self._data, out=pull)
-        np.clip(pull, -threshold, threshold, out=pull)
+        np.subtract(before, self._data, out=self.clean)
+        np.clip(self.clean, -threshold, threshold, out=pull)
         pull *= self._mask
-        np.subtract(before, pull, out=self.clean)
+        self.clean -= pull
+        self.clean += self._data
         if self.n_copies == 1:
             return np.subtract(self.clean, pull, out=self._target)
         other = self.matrix(self.state[0])

@@ -18,8 +18,8 @@ Where this departs from the print, and why:
   points are the same.
 - The text has no equations for S and M; these are the minimisers. The convergence test names E for S.
 - The printed growth ρ = 1.4 freezes X within some 50 iterations near where it started: on long gaps it is little better
-  than straight lines and worse than ``tsmc``. With ρ = 1.02 the method is what the paper says of it. The penalty grows
-  between X and its copies. ``polish`` goes on with a fixed penalty until X is stationary.
+  than straight lines and worse than ``tsmc``. ρ = 1.02 gives it the time to leave; with that it is mostly better. The
+  penalty grows between X and its copies. ``polish`` goes on with a fixed penalty until X is stationary.
 - d, η_max and the start are not printed: d is the rank rule without its limit, η_max 1e10. Gaps start at the mean, so
   that the top singular vectors of a line across them do not protect that line; ``start="interpolated"`` has the line.
   Both ranks are those of the interpolated matrix, as printed.
