@@ -9,14 +9,17 @@ import numpy as np
 from mocapclean import metrics
 from mocapclean.bones import bones_of
 from mocapclean.config import Settings
-from mocapclean.records import BoneReport, Bools, Counts, Gap, Outcome, Take
+from mocapclean.records import BoneReport, Bools, Counts, Floats, Gap, Outcome, Take
 from mocapclean.runs import column_runs
 
 
-def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings) -> Outcome:
+def account(
+    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None = None
+) -> Outcome:
     """Count samples, gaps and bones.
 
-    before: what is trusted; merged: what was solved; after: what was written; wanted: (F, M) what the user asked for.
+    before: what is trusted; merged: what was solved; after: what was written; wanted: (F, M) what the user asked for;
+    sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
     The caller adds what only it knows: paths, hashes, method.
     """
     untrusted = ~before.trusted
@@ -44,7 +47,7 @@ def account(before: Take, merged: Take, after: Take, wanted: Bools, settings: Se
         first_frame=before.first_frame,
         rate=before.rate,
         counts=counts,
-        gaps=_gaps(before, merged, after, wanted),
+        gaps=_gaps(before, merged, after, wanted, settings, sd),
         findings=after.findings,
         fitting=metrics.error(merged.positions, after.positions, after.changed),
         bones_from=source,
@@ -62,12 +65,19 @@ def _rule_mask(take: Take, rule: str) -> Bools:
     return mask
 
 
-def _gaps(before: Take, merged: Take, after: Take, wanted: Bools) -> tuple[Gap, ...]:
+def _gaps(
+    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None
+) -> tuple[Gap, ...]:
     rules = {name: _rule_mask(before, name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
     for marker, start, stop in column_runs(~before.trusted):
         span = (slice(start, stop), marker)
         left = ~after.filled[span]
+        expected = metrics.expected_error(sd[span]) if sd is not None else None
+        if settings.too_uncertain(expected):
+            why = "the expected error is above the limit"
+        else:
+            why = _why_left(before, merged, wanted, marker, start, stop)
         gaps.append(
             Gap(
                 marker=before.markers[marker],
@@ -75,7 +85,9 @@ def _gaps(before: Take, merged: Take, after: Take, wanted: Bools) -> tuple[Gap, 
                 stop=stop,
                 rules=tuple(name for name, mask in rules.items() if mask[span].any()),
                 n_filled=int((~left).sum()),
-                left_because=_why_left(before, merged, wanted, marker, start, stop) if left.any() else "",
+                left_because=why if left.any() else "",
+                expected=expected,
+                grade=settings.grades.of(expected) if expected is not None and not left.all() else "",
             )
         )
     return tuple(gaps)

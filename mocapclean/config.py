@@ -23,7 +23,7 @@ from ruamel.yaml.error import YAMLError
 
 from mocapclean.errors import ConfigError
 from mocapclean.parameters import STRICT
-from mocapclean.solvers import SOLVERS
+from mocapclean.solvers import ERROR_BARS, SOLVERS
 from mocapclean.trust import RULES
 
 DEFAULT_METHOD = "trnn2"
@@ -45,6 +45,19 @@ Methods = _section("Methods", SOLVERS)
 Trust = _section("Trust", RULES)
 
 
+class Grades(BaseModel):
+    """The largest expected 3D error of a gap, mm, that earns a grade of ``GRADES``; above both it is poor."""
+
+    model_config = _SECTION
+
+    good: PositiveFloat = 10.0
+    fair: PositiveFloat = 30.0
+
+    def of(self, expected: float) -> str:
+        """The grade of a gap with this expected 3D error, mm."""
+        return next((name for name, limit in (("good", self.good), ("fair", self.fair)) if expected <= limit), "poor")
+
+
 class Settings(BaseModel):
     """Every option of the command. Lengths are millimetres, times are frames."""
 
@@ -63,6 +76,10 @@ class Settings(BaseModel):
     )
     gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
     max_gap: PositiveInt | None = Field(default=None, description="leave gaps of more frames than this")
+    max_error: PositiveFloat | None = Field(
+        default=None, description="leave gaps with a larger expected 3D error than this, mm"
+    )
+    grades: Grades = Field(default_factory=Grades)
     max_left: Annotated[str | int, Field(union_mode="left_to_right")] | None = Field(
         default=None, description="fail a take with more samples left: a number, or a percentage such as 2%"
     )
@@ -93,6 +110,10 @@ class Settings(BaseModel):
         """Millimetres per unit of length, if the user said so."""
         return MILLIMETRES[self.unit] if isinstance(self.unit, str) else self.unit
 
+    def too_uncertain(self, expected: float | None) -> bool:
+        """Whether a gap of this expected 3D error, mm, is to be left."""
+        return self.max_error is not None and expected is not None and expected > self.max_error
+
     def left_limit(self, n_samples: int) -> float | None:
         """The largest number of samples that may be left, or None without a limit."""
         if self.max_left is None:
@@ -122,20 +143,24 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
     except ValidationError as invalid:
         faults = [_sentence(fault, path, tree) for fault in _distinct(invalid)]
         raise ConfigError("\n".join(faults)) from None
-    _check_left(settings, path)
+    contradictions = [f"{path or 'command line'}: {fault}" for fault in _contradictions(settings)]
+    if contradictions:
+        raise ConfigError("\n".join(contradictions))
     return settings
 
 
-def _check_left(settings: Settings, path: Path | None) -> None:
+def _contradictions(settings: Settings) -> Iterator[str]:
+    """What is wrong with values that are each of the right kind."""
     try:
         limit = settings.left_limit(100)
     except ValueError:
         limit = -1.0
     if limit is not None and not 0 <= limit < float("inf"):
-        raise ConfigError(
-            f"{path or 'command line'}: max_left must be a number of samples or a percentage. "
-            f"Got {settings.max_left!r}."
-        )
+        yield f"max_left must be a number of samples or a percentage. Got {settings.max_left!r}."
+    if settings.grades.good > settings.grades.fair:
+        yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
+    if settings.max_error is not None and settings.method not in ERROR_BARS:
+        yield f"max_error must go with a method that gives error bars: {', '.join(ERROR_BARS)}. Got {settings.method}."
 
 
 def _load(path: Path) -> CommentedMap:

@@ -36,6 +36,15 @@ def error(truth: Floats, positions: Floats, where: Bools) -> Error | None:
     return Error(samples=int(where.sum()), rmse=(mean / 3.0) ** 0.5, rmse_3d=mean**0.5, largest=largest)
 
 
+def expected_error(sd: Floats) -> float | None:
+    """The 3D error to expect of samples whose coordinates have these standard deviations, mm; NaN does not count.
+
+    The root of the mean of 3 sd², which is what ``Error.rmse_3d`` estimates; None where nothing counts.
+    """
+    known = sd[~np.isnan(sd)]
+    return float((3.0 * (known**2).mean()) ** 0.5) if known.size else None
+
+
 @dataclass(frozen=True, kw_only=True)
 class Length:
     """A bone's length over the frames in which both ends are known, mm; None where no frame has both.

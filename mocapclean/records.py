@@ -18,6 +18,8 @@ from mocapclean.skeleton import Skeleton
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+GRADES = ("good", "fair", "poor")
+
 
 def _freeze(array: NDArray[Any]) -> NDArray[Any]:
     view = array.view()
@@ -167,7 +169,9 @@ class Gap:
     """A run of untrusted samples of one marker, and what became of it.
 
     start, stop: half-open indices. rules: why it was distrusted. n_filled: how many of its samples were filled;
-    left_because: why not all of them. error: against the reference, if one was given.
+    left_because: why not all of them. expected: the 3D error, mm, that the method expects of the samples it answered
+    for, even if they were left for it; None where it gives no sd. grade: what that makes of a filled gap, one of
+    ``GRADES``, or "". error: against the reference, if one was given.
     """
 
     marker: str
@@ -176,6 +180,8 @@ class Gap:
     rules: tuple[str, ...]
     n_filled: int = 0
     left_because: str = ""
+    expected: float | None = None
+    grade: str = ""
     error: Error | None = None
 
 

@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from mocapclean import formats
+from mocapclean import formats, metrics
 from mocapclean.account import account, judge
 from mocapclean.bones import check_names, subject_of
 from mocapclean.config import DEFAULT_METHOD, Settings
 from mocapclean.dictionary import Dictionary, load
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.records import Bools, Outcome, Solution, Take
+from mocapclean.records import Bools, Floats, Outcome, Solution, Take
 from mocapclean.runs import column_runs
 from mocapclean.solvers import SOLVERS
 from mocapclean.trust import detect
@@ -76,12 +76,13 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
         solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
         solution = SOLVERS[settings.method].solve(play, settings.params, _library(settings))
-    merged = merge(play, solution, wanted)
+    sd = _error_bars(play, solution, wanted, settings)
+    merged = merge(play, solution, _certain_enough(play, wanted, sd, settings))
     written = formats.write(
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )
     after = written.select(_columns(take, play))
-    outcome = account(play, merged, after, wanted, settings)
+    outcome = account(play, merged, after, wanted, settings, sd)
     if truth is not None:
         outcome = judge(outcome, after, truth)
     return replace(
@@ -171,6 +172,26 @@ def _wanted(play: Take, settings: Settings) -> Bools:
         for marker, start, stop in column_runs(~play.trusted):
             wanted[start:stop, marker] &= stop - start <= settings.max_gap
     return wanted
+
+
+def _error_bars(play: Take, solution: Solution, wanted: Bools, settings: Settings) -> Floats | None:
+    """The sd (F, M) of the wanted samples that the method answered for, NaN elsewhere; None if it gives none."""
+    if solution.sd is None and settings.max_error is not None and not play.trusted.all():
+        raise UsageError(
+            f"max_error must go with a method that gives error bars. {settings.method} gives none as it is set."
+        )
+    if solution.sd is None:
+        return None
+    return np.where(wanted & solution.filled & ~play.trusted, solution.sd, np.nan)
+
+
+def _certain_enough(play: Take, wanted: Bools, sd: Floats | None, settings: Settings) -> Bools:
+    """The wanted samples (F, M) without the gaps whose expected 3D error is too large."""
+    kept = wanted.copy()
+    if sd is not None and settings.max_error is not None:
+        for marker, start, stop in column_runs(~play.trusted):
+            kept[start:stop, marker] &= not settings.too_uncertain(metrics.expected_error(sd[start:stop, marker]))
+    return kept
 
 
 def _reference(settings: Settings, play: Take) -> Take:

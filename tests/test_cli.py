@@ -17,6 +17,7 @@ from click.testing import CliRunner
 
 import mocapclean
 from mocapclean.cli import cli
+from mocapclean.solvers import SOLVERS
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_data"
@@ -108,6 +109,63 @@ def test_left_samples_fail_only_when_a_limit_was_asked_for(folder):
     assert "more than --max-left 1%" in err
     code, _, err = run("fill", folder / "walk.c3d", "--max-gap", "2", "--method", "linear", "--overwrite")
     assert (code, err) == (0, "")
+
+
+# ---- error bars
+
+QUICK = ("states=6", "state_schedule=[]", "max_iterations=8")
+WITH_BARS = ("--method", "dynammo", *(part for assignment in QUICK for part in ("--set", assignment)))
+
+
+def taken(path):
+    """The only take of a report that keeps its schema."""
+    report = json.loads(path.read_text(encoding="utf-8"))
+    jsonschema.validate(report, SCHEMA)
+    return report["takes"][0], report["totals"]
+
+
+def test_expected_errors_and_grades(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--set", "grades.good=10.05", "-v")
+    assert code == 0
+    take, totals = taken(folder / "walk_filled.report.json")
+    filled = mocapclean.detect(mocapclean.read(folder / "walk.c3d"))
+    solution = SOLVERS["dynammo"].solve(
+        filled, SOLVERS["dynammo"].Params(states=6, state_schedule=(), max_iterations=8)
+    )
+    for gap in take["gaps"]:
+        sd = solution.sd[gap["first"] - 1 : gap["last"], filled.markers.index(gap["marker"])]
+        assert gap["expected_3d"] == pytest.approx(np.sqrt(3 * np.mean(sd**2)))
+        assert gap["grade"] == ("good" if gap["expected_3d"] <= 10.05 else "fair")
+    counts = {name: sum(gap["grade"] == name for gap in take["gaps"]) for name in ("good", "fair", "poor")}
+    assert counts == {name: totals[name] for name in counts}
+    assert counts["good"] > 0 < counts["fair"]
+    assert f"{counts['good']} gaps good, {counts['fair']} gaps fair" in out
+    assert "expected 3D mm  grade" in out
+
+
+def test_gaps_of_a_large_expected_error_are_left(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--max-error", "10.1")
+    assert code == 0
+    take, totals = taken(folder / "walk_filled.report.json")
+    left = [gap for gap in take["gaps"] if gap["expected_3d"] > 10.1]
+    assert 0 < len(left) < len(take["gaps"])
+    assert {gap["left_because"] for gap in left} == {"the expected error is above the limit"}
+    assert all(gap["samples_filled"] == 0 and gap["grade"] is None for gap in left)
+    assert all(gap["filled"] for gap in take["gaps"] if gap not in left)
+    assert totals["left"] == sum(gap["length"] for gap in left)
+    assert f"{totals['left']} the expected error is above the limit" in out
+    got = mocapclean.read(folder / "walk_filled.c3d")
+    assert (~got.trusted).sum() == totals["left"]
+
+
+def test_a_method_without_error_bars_gives_no_grades(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", "--method", "linear", "-v")
+    assert code == 0
+    assert "grade" not in out
+    take, totals = taken(folder / "walk_filled.report.json")
+    assert {(gap["expected_3d"], gap["grade"]) for gap in take["gaps"]} == {(None, None)}
+    assert totals["gaps"] == len(take["gaps"])
+    assert totals["good"] == totals["fair"] == totals["poor"] == 0
 
 
 def test_invalidate_marks_what_is_left(folder):
@@ -205,6 +263,12 @@ USAGE = [
     ("a folder", ("{folder}",), "must be a file. Got a folder"),
     ("unknown marker", ("{walk}", "--markers", "LELBO"), "LELB"),
     ("everything excluded", ("{walk}", "--exclude", "*"), "must leave at least one marker"),
+    ("no error bars", ("{walk}", "--method", "spline", "--max-error", "9"), "that gives error bars: dynammo"),
+    (
+        "no error bars as it is set",
+        ("{walk}", "--method", "dynammo", "--set", "em=imputed", "--set", "max_iterations=2", "--max-error", "9"),
+        "dynammo gives none as it is set",
+    ),
     ("bad limit", ("{walk}", "--max-left", "many"), "max_left must be"),
     ("bad rate", ("{walk}", "--rate", "-5"), "rate must be greater than 0"),
     ("reference of another length", ("{walk}", "--reference", "{short}"), "must have the take's"),

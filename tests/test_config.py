@@ -65,6 +65,10 @@ def test_paths_are_relative_to_the_file(tmp_path):
         ("trust:\n  tdd:\n    distance: .nan\n", r"line 3: trust.tdd.distance must be a finite number"),
         ("method: linear\nmethod: spline\n", r"line 2: not valid YAML: found duplicate key"),
         ("max_left: lots\n", r"max_left must be a number of samples or a percentage. Got 'lots'"),
+        ("max_error: 0\n", r"line 1: max_error must be greater than 0. Got 0"),
+        ("method: linear\nmax_error: 5\n", r"max_error must go with a method that gives error bars: .*dynammo.*linear"),
+        ("grades: {good: 40}\n", r"grades.good must be at most grades.fair, 30. Got 40"),
+        ("grades: {fine: 40}\n", r"unknown key 'grades.fine'.*Allowed: fair, good"),
         ("- a\n- b\n", r"line 1: a configuration must be a mapping"),
         ("a: [1\n", r"not valid YAML"),
         ("method: !!python/object:os.system x\n", r"line 1: method must be"),
@@ -94,6 +98,18 @@ def test_binary_and_absent_files_are_refused(tmp_path):
     path.write_bytes(b"method: \xff\xfe\n")
     with pytest.raises(ConfigError, match="byte 8: a configuration must be UTF-8"):
         resolve(path, {})
+
+
+def test_grades_have_inclusive_limits():
+    settings = Settings(grades={"good": 2.0, "fair": 5.0})
+    assert [settings.grades.of(expected) for expected in (0.0, 2.0, 2.1, 5.0, 5.1, float("inf"))] == [
+        "good",
+        "good",
+        "fair",
+        "fair",
+        "poor",
+        "poor",
+    ]
 
 
 @pytest.mark.parametrize(("text", "limit"), [(None, None), (5, 5), ("5", 5), ("2%", 20)])

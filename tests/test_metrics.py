@@ -24,6 +24,16 @@ def test_error_per_coordinate_and_in_3d():
     assert metrics.error(truth, positions, np.zeros((2, 2), bool)) is None
 
 
+def test_the_expected_error_is_what_the_error_comes_to(rng):
+    sd = np.where(rng.random((4000, 2)) < 0.5, rng.uniform(0.5, 8.0, (4000, 2)), np.nan)
+    known = ~np.isnan(sd)
+    errors = np.nan_to_num(sd)[..., None] * rng.normal(size=(4000, 2, 3))
+    found = metrics.error(errors, np.zeros_like(errors), known)
+    assert metrics.expected_error(sd) == pytest.approx(found.rmse_3d, rel=0.03)
+    assert metrics.expected_error(sd[:0]) is None
+    assert metrics.expected_error(np.full(3, np.nan)) is None
+
+
 def test_bone_lengths_count_only_frames_with_both_ends():
     positions = np.zeros((3, 2, 3))
     positions[:, 1, 0] = [10.0, 12.0, 99.0]

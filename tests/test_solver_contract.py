@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from mocapclean.dictionary import Dictionary
 from mocapclean.numerics.evidence import enclosed, fillable
 from mocapclean.records import Solution, Take
-from mocapclean.solvers import SOLVERS
+from mocapclean.solvers import ERROR_BARS, SOLVERS
 
 RATE = 60.0
 EXCEPTIONS = {
@@ -122,6 +122,10 @@ def test_shapes_and_input_untouched(module, gapped):
     assert solution.filled.dtype == bool
     assert np.isfinite(solution.positions[solution.filled]).all()
     assert solution.reason
+    assert (solution.sd is not None) == (module in [SOLVERS[name] for name in ERROR_BARS])
+    if solution.sd is not None:
+        assert solution.sd.shape == gapped.trusted.shape
+        assert (solution.sd[solution.filled] >= 0).all()
 
 
 @pytest.mark.parametrize("module", METHODS)

@@ -3,6 +3,7 @@
 import json
 import math
 import platform
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -12,9 +13,9 @@ import numpy as np
 import scipy
 
 from mocapclean import __version__
-from mocapclean.records import Finding, Gap, Outcome
+from mocapclean.records import GRADES, Finding, Gap, Outcome
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 def record(outcomes: Sequence[Outcome], config: Mapping[str, Any]) -> dict[str, Any]:
@@ -39,12 +40,15 @@ def to_json(content: Mapping[str, Any]) -> str:
 
 
 def _totals(outcomes: Sequence[Outcome]) -> dict[str, int]:
+    grades = Counter(gap.grade for outcome in outcomes for gap in outcome.gaps)
     counts = [outcome.counts for outcome in outcomes if outcome.counts]
     statuses = ("repaired", "unchanged", "failed", "skipped")
     return {
         "takes": len(outcomes),
         **{status: sum(outcome.status == status for outcome in outcomes) for status in statuses},
         **{name: sum(getattr(count, name) for count in counts) for name in ("samples", "untrusted", "filled", "left")},
+        "gaps": grades.total(),
+        **{name: grades[name] for name in GRADES},
     }
 
 
@@ -95,6 +99,8 @@ def _gap(gap: Gap, first: int) -> dict[str, Any]:
         "filled": gap.n_filled == length,
         "samples_filled": gap.n_filled,
         "left_because": gap.left_because,
+        "expected_3d": _plain(gap.expected),
+        "grade": gap.grade or None,
         "error": _plain(gap.error),
     }
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mocapclean.metrics import Error
-from mocapclean.records import Finding, Gap, Outcome
+from mocapclean.records import GRADES, Finding, Gap, Outcome
 
 _LABEL = 12
 
@@ -20,12 +20,13 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         _line("distrusted", _distrusted(outcome)),
         _line("filled", _filled(outcome)),
         *_left(outcome),
+        *_expected(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
     ]
-    if verbose:
+    if verbose and outcome.gaps:
         lines += ["", *_gap_table(outcome)]
     if outcome.error:
         lines.append(_line("failed", outcome.error))
@@ -124,6 +125,20 @@ def _left(outcome: Outcome) -> Iterable[str]:
         yield _line("invalidated", f"{_plural(counts.invalidated, 'sample')} marked missing in the output")
 
 
+def _expected(outcome: Outcome) -> Iterable[str]:
+    """How many filled gaps earn each grade, and the worst of them."""
+    graded = sorted((gap for gap in outcome.gaps if gap.grade), key=lambda gap: -(gap.expected or 0.0))
+    if not graded:
+        return
+    counts = Counter(gap.grade for gap in graded)
+    yield _line("expected", ", ".join(f"{_plural(counts[name], 'gap')} {name}" for name in GRADES if counts[name]))
+    worst = ", ".join(
+        f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_mm(gap.expected)}"
+        for gap in graded[:3]
+    )
+    yield _line("", f"largest error expected in 3D: {worst}")
+
+
 def _accuracy(outcome: Outcome) -> Iterable[str]:
     if outcome.reference is None:
         return
@@ -203,17 +218,18 @@ def _marker_table(outcome: Outcome) -> list[str]:
 
 
 def _gap_table(outcome: Outcome) -> list[str]:
-    first = outcome.first_frame
-    rows = [
-        [
-            gap.marker,
-            str(gap.start + first),
-            str(gap.stop - 1 + first),
-            str(gap.stop - gap.start),
-            ", ".join(gap.rules),
-            gap.left_because or ("filled" if gap.n_filled else "-"),
-            f"{gap.error.rmse:.2f}" if gap.error else "",
-        ]
-        for gap in outcome.gaps
-    ]
-    return table(rows, ["marker", "first", "last", "frames", "why", "what became of it", "RMSE mm"])
+    """Every gap; a column with nothing in it is left out."""
+    first, gaps = outcome.first_frame, outcome.gaps
+    columns = {
+        "marker": [gap.marker for gap in gaps],
+        "first": [str(gap.start + first) for gap in gaps],
+        "last": [str(gap.stop - 1 + first) for gap in gaps],
+        "frames": [str(gap.stop - gap.start) for gap in gaps],
+        "why": [", ".join(gap.rules) for gap in gaps],
+        "what became of it": [gap.left_because or ("filled" if gap.n_filled else "-") for gap in gaps],
+        "expected 3D mm": ["" if gap.expected is None else f"{gap.expected:.2f}" for gap in gaps],
+        "grade": [gap.grade for gap in gaps],
+        "RMSE mm": [f"{gap.error.rmse:.2f}" if gap.error else "" for gap in gaps],
+    }
+    shown = {name: column for name, column in columns.items() if any(column)}
+    return table(list(zip(*shown.values(), strict=True)), list(shown))

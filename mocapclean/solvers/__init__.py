@@ -8,6 +8,8 @@ A method module has
 - ``solve(take, params, library=None)``: the Solution; ``library`` is the trained Dictionary, for the methods that
   learn from other takes.
 
+``ERROR_BARS`` names the methods whose Solution has ``sd`` with their default parameters.
+
 A method never reads an untrusted sample, never answers for a marker or a frame in which nothing is trusted, and
 knows no file, clock, terminal or global random state.
 """
@@ -47,3 +49,5 @@ SOLVERS: dict[str, ModuleType] = {
     "srmmp": srmmp,
     "llc": llc,
 }
+
+ERROR_BARS = ("dynammo",)
