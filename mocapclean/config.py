@@ -1,7 +1,7 @@
 """YAML and command line -> frozen Settings; what is unknown or mistyped is refused with its place."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from types import ModuleType
@@ -21,12 +21,14 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import YAMLError
 
+from mocapclean import selfcheck
 from mocapclean.errors import ConfigError
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import ERROR_BARS, SOLVERS
 from mocapclean.trust import RULES
 
 DEFAULT_METHOD = "trnn2"
+CHECKED = (DEFAULT_METHOD, "linear", "spline")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
@@ -80,6 +82,10 @@ class Settings(BaseModel):
         default=None, description="leave gaps with a larger expected 3D error than this, mm"
     )
     grades: Grades = Field(default_factory=Grades)
+    self_check: Literal["auto"] | bool = Field(
+        default="auto", description="measure the error on hidden trusted samples; auto: for the methods in CHECKED"
+    )
+    hiding: selfcheck.Params = Field(default_factory=selfcheck.Params)
     max_left: Annotated[str | int, Field(union_mode="left_to_right")] | None = Field(
         default=None, description="fail a take with more samples left: a number, or a percentage such as 2%"
     )
@@ -109,6 +115,11 @@ class Settings(BaseModel):
     def unit_mm(self) -> float | None:
         """Millimetres per unit of length, if the user said so."""
         return MILLIMETRES[self.unit] if isinstance(self.unit, str) else self.unit
+
+    @property
+    def checks_itself(self) -> bool:
+        """Whether the method's error is measured on hidden samples."""
+        return self.method in CHECKED if self.self_check == "auto" else self.self_check
 
     def too_uncertain(self, expected: float | None) -> bool:
         """Whether a gap of this expected 3D error, mm, is to be left."""
@@ -210,14 +221,16 @@ def _assign(plain: dict[str, Any], assignment: str) -> None:
     branch[keys[-1]] = value
 
 
-def _distinct(invalid: ValidationError) -> Iterator[ErrorDetails]:
-    """One fault for each place: a value that fits no branch of a union is reported once."""
-    seen = set()
+def _distinct(invalid: ValidationError) -> Iterable[ErrorDetails]:
+    """One fault for each place: of a value that fits no branch of a union, all that it might have been."""
+    faults: dict[tuple[str, ...], ErrorDetails] = {}
     for fault in invalid.errors(include_url=False):
         place = tuple(_keys(fault["loc"]))
-        if place not in seen:
-            seen.add(place)
-            yield fault
+        if place in faults:
+            faults[place]["msg"] += f" or {fault['msg'].removeprefix('Input should be ')}"
+        else:
+            faults[place] = fault
+    return faults.values()
 
 
 def _keys(place: tuple[int | str, ...]) -> Iterator[str]:
@@ -225,6 +238,8 @@ def _keys(place: tuple[int | str, ...]) -> Iterator[str]:
     section: Any = Settings
     for key in place:
         fields = _fields(section)
+        if not fields and isinstance(key, str):
+            return  # the name of a branch of a union
         yield str(key)
         if str(key) not in fields:
             return

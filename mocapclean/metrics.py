@@ -10,6 +10,7 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
 LENGTH_CLASSES = (10, 30, 60, 120)
+INTERVAL_90 = 1.645  # standard deviations to both sides that hold 90 % of a normal distribution
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +44,11 @@ def expected_error(sd: Floats) -> float | None:
     """
     known = sd[~np.isnan(sd)]
     return float((3.0 * (known**2).mean()) ** 0.5) if known.size else None
+
+
+def coverage(misses: Floats, sd: Floats) -> float | None:
+    """The share of the coordinates of misses (n, 3) within the 90 % interval of their sd (n,); None without any."""
+    return float((np.abs(misses) <= INTERVAL_90 * sd[:, None]).mean()) if misses.size else None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -186,6 +186,31 @@ class Gap:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Check:
+    """Hidden gaps and the samples in them; the error of those that were filled; covered: the share of their
+    coordinates within the method's own 90 % intervals, or None if it gives none.
+    """
+
+    gaps: int = 0
+    samples: int = 0
+    error: Error | None = None
+    covered: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfCheck:
+    """What a method got wrong on hidden samples of the take itself, in all and by length of gap.
+
+    because: why there is no answer, or "".
+    """
+
+    rounds: int = 0
+    total: Check = Check()
+    by_length: Mapping[str, Check] = field(default_factory=dict)
+    because: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoneReport:
     """One bone before and after the repair; reference: its known length, or the take's median, mm."""
 
@@ -239,6 +264,7 @@ class Outcome:
     accuracy: Error | None = None
     accuracy_by_marker: Mapping[str, Error] = field(default_factory=dict)
     accuracy_by_length: Mapping[str, Error] = field(default_factory=dict)
+    self_check: SelfCheck | None = None
     fitting: Error | None = None
     bones_from: str = ""
     bones: tuple[BoneReport, ...] = ()

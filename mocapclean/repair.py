@@ -1,10 +1,11 @@
 """Repair one take: read, detect, solve, merge, write, verify, and say what happened."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -13,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from mocapclean import formats, metrics
+from mocapclean import formats, metrics, selfcheck
 from mocapclean.account import account, judge
 from mocapclean.bones import check_names, subject_of
 from mocapclean.config import DEFAULT_METHOD, Settings
 from mocapclean.dictionary import Dictionary, load
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.records import Bools, Floats, Outcome, Solution, Take
+from mocapclean.records import Bools, Floats, Outcome, SelfCheck, Solution, Take
 from mocapclean.runs import column_runs
 from mocapclean.solvers import SOLVERS
 from mocapclean.trust import detect
@@ -72,11 +73,13 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
     take, play = examine(source, settings)
     truth = _reference(settings, play) if settings.reference else None
     wanted = _wanted(play, settings)
+    solve = _solver(settings)
     if play.trusted.all():
         solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
-        solution = SOLVERS[settings.method].solve(play, settings.params, _library(settings))
+        solution = solve(play)
     sd = _error_bars(play, solution, wanted, settings)
+    checked = _self_check(play, wanted, solve, settings)
     merged = merge(play, solution, _certain_enough(play, wanted, sd, settings))
     written = formats.write(
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
@@ -95,12 +98,21 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
         method=settings.method,
         parameters=asdict(settings.params),
         solution=_facts(solution),
+        self_check=checked,
         reference=settings.reference,
     )
 
 
-def _library(settings: Settings) -> Dictionary | None:
-    return load(settings.dictionary) if settings.dictionary else None
+def _solver(settings: Settings) -> Callable[[Take], Solution]:
+    """The chosen method with its parameters and dictionary."""
+    library = load(settings.dictionary) if settings.dictionary else None
+    return partial(SOLVERS[settings.method].solve, params=settings.params, library=library)
+
+
+def _self_check(play: Take, wanted: Bools, solve: Callable[[Take], Solution], settings: Settings) -> SelfCheck | None:
+    if not settings.checks_itself:
+        return None
+    return selfcheck.check(play, wanted, solve, settings.hiding, settings.too_uncertain)
 
 
 def inspect(source: Path, settings: Settings) -> Outcome:

@@ -168,6 +168,57 @@ def test_a_method_without_error_bars_gives_no_grades(folder):
     assert totals["good"] == totals["fair"] == totals["poor"] == 0
 
 
+# ---- the self-check
+
+
+def test_interpolations_check_themselves(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", "--method", "spline")
+    assert code == 0
+    found = taken(folder / "walk_filled.report.json")[0]["self_check"]
+    assert "self-check" in out
+    assert (found["because"], found["rounds"]) == ("", 1)
+    assert found["total"]["gaps"] == sum(check["gaps"] for check in found["by_length"].values()) > 30
+    assert found["total"]["samples"] == sum(check["samples"] for check in found["by_length"].values())
+    assert found["total"]["covered"] is None
+    assert "within 90 %" not in out
+    errors = [check["error"]["rmse"] for name, check in found["by_length"].items() if name in ("1-10", "31-60")]
+    assert errors == sorted(errors)
+
+
+def test_the_self_check_is_near_the_true_error(folder):
+    run("fill", folder / "walk.c3d", "--method", "linear", "--reference", folder / "walk_truth.c3d")
+    take, _ = taken(folder / "walk_filled.report.json")
+    assert 0.5 < take["self_check"]["total"]["error"]["rmse"] / take["accuracy"]["filled"]["rmse"] < 2.0
+
+
+def test_the_self_check_can_be_switched(folder):
+    arguments = ("fill", folder / "walk.c3d", "--overwrite")
+    code, out, _ = run(*arguments, "--method", "linear", "--no-self-check")
+    assert code == 0
+    assert "self-check" not in out
+    assert taken(folder / "walk_filled.report.json")[0]["self_check"] is None
+    without = (folder / "walk_filled.c3d").read_bytes()
+    run(*arguments, "--method", "linear")
+    assert (folder / "walk_filled.c3d").read_bytes() == without
+    run(*arguments, *WITH_BARS)
+    assert taken(folder / "walk_filled.report.json")[0]["self_check"] is None
+    code, out, _ = run(*arguments, *WITH_BARS, "--self-check", "--set", "hiding.rounds=2")
+    assert code == 0
+    found = taken(folder / "walk_filled.report.json")[0]["self_check"]
+    assert found["rounds"] == 2
+    assert 0.5 < found["total"]["covered"] < 1.0
+    assert "within 90 %" in out
+
+
+def test_a_self_check_that_is_not_possible_says_why(folder):
+    (folder / "bad.csv").write_text("marker,first,last\nLELB,10,470\n")
+    options = ("--gaps", folder / "bad.csv", "--no-detect", "--method", "linear")
+    code, out, _ = run("fill", folder / "walk_truth.c3d", *options)
+    assert code == 0
+    assert "self-check  not possible: none of the 1 gaps fits where its marker is trusted" in out
+    assert "because" in taken(folder / "walk_truth_filled.report.json")[0]["self_check"]
+
+
 def test_invalidate_marks_what_is_left(folder):
     (folder / "bad.csv").write_text("LELB,20,29\n")
     arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--max-gap", "5", "--invalidate", "--method", "linear")

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from mocapclean.config import Settings, resolve
+from mocapclean.config import DEFAULT_METHOD, Settings, resolve
 from mocapclean.errors import ConfigError
 
 
@@ -67,6 +67,8 @@ def test_paths_are_relative_to_the_file(tmp_path):
         ("max_left: lots\n", r"max_left must be a number of samples or a percentage. Got 'lots'"),
         ("max_error: 0\n", r"line 1: max_error must be greater than 0. Got 0"),
         ("method: linear\nmax_error: 5\n", r"max_error must go with a method that gives error bars: .*dynammo.*linear"),
+        ("self_check: maybe\n", r"line 1: self_check must be 'auto' or a valid boolean. Got 'maybe'"),
+        ("hiding: {rounds: 0}\n", r"hiding.rounds must be greater than or equal to 1. Got 0"),
         ("grades: {good: 40}\n", r"grades.good must be at most grades.fair, 30. Got 40"),
         ("grades: {fine: 40}\n", r"unknown key 'grades.fine'.*Allowed: fair, good"),
         ("- a\n- b\n", r"line 1: a configuration must be a mapping"),
@@ -110,6 +112,21 @@ def test_grades_have_inclusive_limits():
         "poor",
         "poor",
     ]
+
+
+@pytest.mark.parametrize(
+    ("method", "self_check", "checks"),
+    [
+        (DEFAULT_METHOD, "auto", True),
+        ("linear", "auto", True),
+        ("spline", "auto", True),
+        ("dynammo", "auto", False),
+        ("dynammo", True, True),
+        ("linear", False, False),
+    ],
+)
+def test_which_methods_check_themselves(method, self_check, checks):
+    assert Settings(method=method, self_check=self_check).checks_itself is checks
 
 
 @pytest.mark.parametrize(("text", "limit"), [(None, None), (5, 5), ("5", 5), ("2%", 20)])

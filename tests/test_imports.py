@@ -16,6 +16,7 @@ ORDER = (
     "report",
     "bench",
     "config",
+    "selfcheck",
     "trust",
     "simulate",
     "formats",

@@ -79,6 +79,7 @@ def _take(outcome: Outcome) -> dict[str, Any]:
             "by_marker": _plain(outcome.accuracy_by_marker),
             "by_gap_length": _plain(outcome.accuracy_by_length),
         },
+        "self_check": _plain(outcome.self_check),
         "stored_minus_solved": _plain(outcome.fitting),
         "bones": {
             "from": outcome.bones_from,

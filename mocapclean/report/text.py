@@ -8,6 +8,7 @@ from mocapclean.metrics import Error
 from mocapclean.records import GRADES, Finding, Gap, Outcome
 
 _LABEL = 12
+_NUMBERS = ("RMSE mm", "3D mm", "largest mm")
 
 
 def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = None) -> str:
@@ -21,6 +22,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         _line("filled", _filled(outcome)),
         *_left(outcome),
         *_expected(outcome),
+        *_self_check(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
         *_bones(outcome),
@@ -146,12 +148,42 @@ def _accuracy(outcome: Outcome) -> Iterable[str]:
         yield _line("error", f"no filled sample is known in {outcome.reference}")
         return
     yield _line("error", f"{_error(outcome.accuracy)}, against {outcome.reference}")
+    rows = [[name, f"{found.samples:,}", *_numbers(found)] for name, found in outcome.accuracy_by_length.items()]
+    yield from _indented(rows, ["gap in frames", "samples", *_NUMBERS])
+
+
+def _numbers(found: Error | None) -> list[str]:
+    return [f"{found.rmse:.2f}", f"{found.rmse_3d:.2f}", f"{found.largest:.1f}"] if found else ["-", "-", "-"]
+
+
+def _indented(rows: Sequence[Sequence[str]], header: Sequence[str]) -> Iterable[str]:
+    return (_line("", line[2:]) for line in table(rows, header))
+
+
+def _self_check(outcome: Outcome) -> Iterable[str]:
+    """The error on hidden samples of the take itself, by length of gap."""
+    found = outcome.self_check
+    if found is None or not (outcome.counts and outcome.counts.untrusted):
+        return
+    if found.because:
+        yield _line("self-check", f"not possible: {found.because}")
+        return
+    total = found.total
+    hidden = f"{_plural(total.samples, 'sample')} hidden in {_plural(total.gaps, 'gap')}"
+    yield _line("self-check", f"{_error(total.error)}, on {hidden}" if total.error else f"none filled of {hidden}")
     rows = [
-        [name, f"{found.samples:,}", f"{found.rmse:.2f}", f"{found.rmse_3d:.2f}", f"{found.largest:.1f}"]
-        for name, found in outcome.accuracy_by_length.items()
+        [name, str(check.gaps), f"{check.samples:,}", *_numbers(check.error), _share(check.covered)]
+        for name, check in found.by_length.items()
     ]
-    header = ["gap in frames", "samples", "RMSE mm", "3D mm", "largest mm"]
-    yield from (_line("", line[2:]) for line in table(rows, header))
+    header = ["gap in frames", "gaps", "samples", *_NUMBERS, "within 90 %"]
+    width = len(header) - (total.covered is None)
+    yield from _indented([row[:width] for row in rows], header[:width])
+    if total.error and total.error.samples < total.samples:
+        yield _line("", f"{total.samples - total.error.samples:,} of them left unfilled")
+
+
+def _share(share: float | None) -> str:
+    return "-" if share is None else f"{100 * share:.0f} %"
 
 
 def _error(found: Error) -> str:
