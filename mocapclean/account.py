@@ -24,7 +24,7 @@ def account(
     """
     untrusted = ~before.trusted
     left = untrusted & ~after.filled
-    missing = _rule_mask(before, "missing")
+    missing = before.distrusted_by("missing")
     counts = Counts(
         samples=untrusted.size,
         untrusted=int(untrusted.sum()),
@@ -56,19 +56,10 @@ def account(
     )
 
 
-def _rule_mask(take: Take, rule: str) -> Bools:
-    mask = np.zeros_like(take.trusted)
-    columns = {name: column for column, name in enumerate(take.markers)}
-    for finding in take.findings:
-        if finding.rule == rule and finding.marker in columns and finding.frames:
-            mask[slice(*finding.frames), columns[finding.marker]] = True
-    return mask
-
-
 def _gaps(
     before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None
 ) -> tuple[Gap, ...]:
-    rules = {name: _rule_mask(before, name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
+    rules = {name: before.distrusted_by(name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
     for marker, start, stop in column_runs(~before.trusted):
         span = (slice(start, stop), marker)

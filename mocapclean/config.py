@@ -32,7 +32,7 @@ CHECKED = (DEFAULT_METHOD, "linear", "spline")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
-_PATHS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report")
+_PATHS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report", "sidecar")
 
 
 def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
@@ -95,6 +95,7 @@ class Settings(BaseModel):
     reference: Path | None = Field(default=None, description="the true take, for RMSE")
     output: Path | None = Field(default=None, description="the repaired file, for one input")
     out_dir: Path | None = Field(default=None, description="folder for the repaired files")
+    sidecar: Path | None = Field(default=None, description="arrays as .npz: a file for one input, or a folder")
     overwrite: bool = Field(default=False, description="replace outputs that exist")
     report: bool | Path = Field(default=True, description="where the report goes, or false for none")
     quiet: bool = Field(default=False, description="print nothing but errors")

@@ -109,6 +109,15 @@ class Take:
         """The samples (F, M) that are no longer what the file says: filled or moved."""
         return self.filled | self.moved
 
+    def distrusted_by(self, rule: str) -> Bools:
+        """The samples (F, M) that a rule, by its findings, distrusts."""
+        mask = np.zeros_like(self.trusted)
+        columns = {name: column for column, name in enumerate(self.markers)}
+        for finding in self.findings:
+            if finding.rule == rule and finding.marker in columns and finding.frames:
+                mask[slice(*finding.frames), columns[finding.marker]] = True
+        return mask
+
     def select(self, columns: NDArray[np.intp]) -> "Take":
         """The take with only these markers, by column; it can no longer be written to its own file."""
         return replace(
@@ -244,6 +253,7 @@ class Outcome:
     source: Path
     status: str
     output: Path | None = None
+    sidecar: Path | None = None
     error: str = ""
     exit_code: int = 0
     seconds: float = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from mocapclean import formats, metrics, selfcheck
+from mocapclean import formats, metrics, selfcheck, sidecar
 from mocapclean.account import account, judge
 from mocapclean.bones import check_names, subject_of
 from mocapclean.config import DEFAULT_METHOD, Settings
@@ -55,11 +55,14 @@ def merge(take: Take, solution: Solution, wanted: Bools) -> Take:
     return replace(take, positions=positions, filled=take.filled | filled, moved=take.moved | moved)
 
 
-def repair(source: Path, output: Path, settings: Settings) -> Outcome:
-    """Repair one file into another. Whatever goes wrong with this take is an Outcome, not an exception."""
+def repair(source: Path, output: Path, settings: Settings, arrays: Path | None = None) -> Outcome:
+    """Repair one file into another. Whatever goes wrong with this take is an Outcome, not an exception.
+
+    arrays: where the sidecar goes, if one is wanted.
+    """
     started = perf_counter()
     try:
-        outcome = _repair(source, output, settings)
+        outcome = _repair(source, output, settings, arrays)
     except MocapcleanError as fault:
         outcome = Outcome(source=source, status="failed", error=str(fault), exit_code=fault.exit_code)
     except MemoryError:
@@ -68,7 +71,7 @@ def repair(source: Path, output: Path, settings: Settings) -> Outcome:
     return replace(outcome, seconds=perf_counter() - started)
 
 
-def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
+def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:
     formats.check_output(output, source, settings.overwrite)
     take, play = examine(source, settings)
     truth = _reference(settings, play) if settings.reference else None
@@ -85,6 +88,8 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )
     after = written.select(_columns(take, play))
+    if arrays:
+        sidecar.save(arrays, play, after, sd, settings.method)
     outcome = account(play, merged, after, wanted, settings, sd)
     if truth is not None:
         outcome = judge(outcome, after, truth)
@@ -92,6 +97,7 @@ def _repair(source: Path, output: Path, settings: Settings) -> Outcome:
         outcome,
         source=source,
         output=output,
+        sidecar=arrays,
         format=_format(take),
         source_sha256=digest(source),
         output_sha256=digest(output),

@@ -219,6 +219,43 @@ def test_a_self_check_that_is_not_possible_says_why(folder):
     assert "because" in taken(folder / "walk_truth_filled.report.json")[0]["self_check"]
 
 
+# ---- the sidecar
+
+
+def test_a_sidecar_holds_what_the_file_holds(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--max-error", "10.1", "--sidecar", folder / "walk.npz")
+    assert code == 0
+    assert f"arrays in {folder / 'walk.npz'}" in out
+    take, _ = taken(folder / "walk_filled.report.json")
+    assert take["sidecar"] == str(folder / "walk.npz")
+    got = mocapclean.read(folder / "walk_filled.c3d")
+    with np.load(folder / "walk.npz", allow_pickle=False) as arrays:
+        status = arrays["status_names"][arrays["status"]]
+        assert tuple(arrays["markers"]) == got.markers
+        assert np.array_equal(arrays["positions"][got.trusted], got.positions[got.trusted])
+        assert str(arrays["method"]) == "dynammo"
+        assert np.array_equal(status == "left", ~got.trusted)
+        for name in ("filled", "left"):
+            assert (status == name).sum() == take["counts"][name] > 0
+        assert np.array_equal(np.isfinite(arrays["sd"]), status == "filled")
+
+
+def test_sidecars_of_several_takes_go_into_a_folder(folder):
+    inputs = (folder / "walk.c3d", folder / "walk_01.amc")
+    arguments = ("fill", *inputs, "--out-dir", folder / "clean", "--method", "linear", "--no-self-check")
+    code, _, err = run(*arguments, "--sidecar", folder / "one.npz")
+    assert code == 2
+    assert "--sidecar takes a folder for several inputs" in err
+    code, _, err = run(*arguments, "--sidecar", folder / "arrays")
+    assert (code, err) == (0, "")
+    assert {path.name for path in (folder / "arrays").iterdir()} == {"walk.npz", "walk_01.npz"}
+    (folder / "clean" / "walk.c3d").unlink()
+    code, _, err = run(*arguments, "--sidecar", folder / "arrays")
+    assert code == 2
+    assert "exists already" in err
+    assert run(*arguments, "--sidecar", folder / "arrays", "--overwrite")[0] == 0
+
+
 def test_invalidate_marks_what_is_left(folder):
     (folder / "bad.csv").write_text("LELB,20,29\n")
     arguments = ("--gaps", folder / "bad.csv", "--no-detect", "--max-gap", "5", "--invalidate", "--method", "linear")
@@ -320,6 +357,7 @@ USAGE = [
         ("{walk}", "--method", "dynammo", "--set", "em=imputed", "--set", "max_iterations=2", "--max-error", "9"),
         "dynammo gives none as it is set",
     ),
+    ("a sidecar of another kind", ("{walk}", "--sidecar", "x.mat"), "--sidecar must be an .npz file, or a folder"),
     ("bad limit", ("{walk}", "--max-left", "many"), "max_left must be"),
     ("bad rate", ("{walk}", "--rate", "-5"), "rate must be greater than 0"),
     ("reference of another length", ("{walk}", "--reference", "{short}"), "must have the take's"),

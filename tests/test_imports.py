@@ -13,6 +13,7 @@ ORDER = (
     "cli",
     "repair",
     "account",
+    "sidecar",
     "report",
     "bench",
     "config",

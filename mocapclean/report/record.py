@@ -57,6 +57,7 @@ def _take(outcome: Outcome) -> dict[str, Any]:
     return {
         "source": str(outcome.source),
         "output": str(outcome.output) if outcome.output else None,
+        "sidecar": str(outcome.sidecar) if outcome.sidecar else None,
         "status": outcome.status,
         "exit_code": outcome.exit_code,
         "error": outcome.error,

@@ -32,8 +32,8 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         lines += ["", *_gap_table(outcome)]
     if outcome.error:
         lines.append(_line("failed", outcome.error))
-    closing = f"{outcome.seconds:.1f} s" + (f", report in {report}" if report else "")
-    return "\n".join([*lines, _line("done", closing)])
+    places = [f"{what} in {path}" for what, path in (("report", report), ("arrays", outcome.sidecar)) if path]
+    return "\n".join([*lines, _line("done", ", ".join([f"{outcome.seconds:.1f} s", *places]))])
 
 
 def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
