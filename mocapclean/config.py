@@ -28,7 +28,7 @@ from mocapclean.solvers import ERROR_BARS, SOLVERS
 from mocapclean.trust import RULES
 
 DEFAULT_METHOD = "trnn2"
-CHECKED = (DEFAULT_METHOD, "linear", "spline")
+CHECKED = ("auto", DEFAULT_METHOD, "linear", "spline")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
@@ -60,12 +60,24 @@ class Grades(BaseModel):
         return next((name for name, limit in (("good", self.good), ("fair", self.fair)) if expected <= limit), "poor")
 
 
+class Auto(BaseModel):
+    """The candidates of method auto, in the order in which they are tried."""
+
+    model_config = _SECTION
+
+    methods: tuple[Literal[tuple(SOLVERS)], ...] = (  # type: ignore[valid-type]
+        DEFAULT_METHOD,
+        *(name for name in ("pca", "pma", "kalman", "spline", "linear") if name in SOLVERS),
+    )
+
+
 class Settings(BaseModel):
     """Every option of the command. Lengths are millimetres, times are frames."""
 
     model_config = _SECTION
 
-    method: Literal[tuple(SOLVERS)] = DEFAULT_METHOD  # type: ignore[valid-type]
+    method: Literal[(*SOLVERS, "auto")] = DEFAULT_METHOD  # type: ignore[valid-type]
+    auto: Auto = Field(default_factory=Auto)
     methods: Methods = Field(default_factory=Methods)  # type: ignore[valid-type]
     detect: bool = Field(default=True, description="look for samples that cannot be trusted")
     trust: Trust = Field(default_factory=Trust)  # type: ignore[valid-type]
@@ -171,8 +183,14 @@ def _contradictions(settings: Settings) -> Iterator[str]:
         yield f"max_left must be a number of samples or a percentage. Got {settings.max_left!r}."
     if settings.grades.good > settings.grades.fair:
         yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
-    if settings.max_error is not None and settings.method not in ERROR_BARS:
-        yield f"max_error must go with a method that gives error bars: {', '.join(ERROR_BARS)}. Got {settings.method}."
+    methods = settings.auto.methods if settings.method == "auto" else (settings.method,)
+    if settings.max_error is not None and not {*methods} & {*ERROR_BARS}:
+        bars, got = ", ".join(ERROR_BARS), ", ".join(methods)
+        yield f"max_error must go with a method that gives error bars: {bars}. Got {got}."
+    if not settings.auto.methods:
+        yield "auto.methods must name at least one method. Got none."
+    if settings.method == "auto" and not settings.checks_itself:
+        yield "method auto must go with the self-check, by which it chooses. Got self_check false."
 
 
 def _load(path: Path) -> CommentedMap:

@@ -220,6 +220,24 @@ class SelfCheck:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """A method that might have been chosen: how it did on the hidden samples, or why it was left out."""
+
+    method: str
+    total: Check
+    left_out: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """The method that was chosen for a take, why, and among which."""
+
+    method: str
+    because: str
+    candidates: tuple[Candidate, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoneReport:
     """One bone before and after the repair; reference: its known length, or the take's median, mm."""
 
@@ -265,6 +283,7 @@ class Outcome:
     first_frame: int = 1
     rate: float = 0.0
     method: str = ""
+    choice: Choice | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     counts: Counts | None = None
     gaps: tuple[Gap, ...] = ()

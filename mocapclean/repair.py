@@ -1,11 +1,10 @@
 """Repair one take: read, detect, solve, merge, write, verify, and say what happened."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
-from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -17,10 +16,11 @@ from pydantic import ValidationError
 from mocapclean import formats, metrics, selfcheck, sidecar
 from mocapclean.account import account, judge
 from mocapclean.bones import check_names, subject_of
+from mocapclean.choosing import choose, solver
 from mocapclean.config import DEFAULT_METHOD, Settings
 from mocapclean.dictionary import Dictionary, load
-from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.records import Bools, Floats, Outcome, SelfCheck, Solution, Take
+from mocapclean.errors import MocapcleanError, SolverError, UsageError
+from mocapclean.records import Bools, Choice, Floats, Outcome, SelfCheck, Solution, Take
 from mocapclean.runs import column_runs
 from mocapclean.solvers import SOLVERS
 from mocapclean.trust import detect
@@ -76,13 +76,13 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     take, play = examine(source, settings)
     truth = _reference(settings, play) if settings.reference else None
     wanted = _wanted(play, settings)
-    solve = _solver(settings)
+    library = load(settings.dictionary) if settings.dictionary else None
+    settings, choice, checked = _settled(play, wanted, settings, library)
     if play.trusted.all():
         solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
-        solution = solve(play)
+        solution = solver(settings.method, settings, library)(play)
     sd = _error_bars(play, solution, wanted, settings)
-    checked = _self_check(play, wanted, solve, settings)
     merged = merge(play, solution, _certain_enough(play, wanted, sd, settings))
     written = formats.write(
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
@@ -102,6 +102,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
         source_sha256=digest(source),
         output_sha256=digest(output),
         method=settings.method,
+        choice=choice,
         parameters=asdict(settings.params),
         solution=_facts(solution),
         self_check=checked,
@@ -109,16 +110,21 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     )
 
 
-def _solver(settings: Settings) -> Callable[[Take], Solution]:
-    """The chosen method with its parameters and dictionary."""
-    library = load(settings.dictionary) if settings.dictionary else None
-    return partial(SOLVERS[settings.method].solve, params=settings.params, library=library)
-
-
-def _self_check(play: Take, wanted: Bools, solve: Callable[[Take], Solution], settings: Settings) -> SelfCheck | None:
-    if not settings.checks_itself:
-        return None
-    return selfcheck.check(play, wanted, solve, settings.hiding, settings.too_uncertain)
+def _settled(
+    play: Take, wanted: Bools, settings: Settings, library: Dictionary | None
+) -> tuple[Settings, Choice | None, SelfCheck | None]:
+    """The settings with a method in place of auto, how it was chosen, and its self-check where one is made."""
+    asked, choice, checked = settings.checks_itself, None, None
+    if settings.method == "auto":
+        choice, checked = choose(play, wanted, settings, library)
+        settings = settings.model_copy(update={"method": choice.method})
+    if asked and (checked is None or settings.max_error is not None):
+        try:
+            solve = solver(settings.method, settings, library)
+            checked = selfcheck.check(play, wanted, solve, settings.hiding, settings.too_uncertain)
+        except SolverError as fault:
+            checked = SelfCheck(because=f"with more samples hidden the method fails: {fault}")
+    return settings, choice, checked
 
 
 def inspect(source: Path, settings: Settings) -> Outcome:

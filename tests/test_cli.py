@@ -219,6 +219,81 @@ def test_a_self_check_that_is_not_possible_says_why(folder):
     assert "because" in taken(folder / "walk_truth_filled.report.json")[0]["self_check"]
 
 
+# ---- method auto
+
+
+def auto(*methods):
+    """Options for auto with these candidates, dynammo a quick one."""
+    quick = [f"methods.dynammo.{assignment}" for assignment in QUICK]
+    assignments = [f"auto.methods=[{', '.join(methods)}]", *quick]
+    return ("--method", "auto", *(part for assignment in assignments for part in ("--set", assignment)))
+
+
+def test_auto_chooses_by_the_self_check(folder):
+    arguments = ("fill", folder / "walk.c3d", "--overwrite")
+    code, out, _ = run(*arguments, *auto("linear", "llc", "spline", "dynammo"))
+    assert code == 0
+    take, _ = taken(folder / "walk_filled.report.json")
+    choice = take["choice"]
+    chosen = choice["method"]
+    written = (folder / "walk_filled.c3d").read_bytes()
+    assert take["method"] == chosen
+    assert f"{chosen}, chosen by auto" in out
+    tried = {candidate["method"]: candidate for candidate in choice["candidates"]}
+    assert list(tried) == ["linear", "llc", "spline", "dynammo"]
+    assert "needs a trained dictionary" in tried["llc"]["left_out"]
+    assert "llc is left out" in out
+    most = max(found["total"]["error"]["samples"] for name, found in tried.items() if name != "llc")
+    able = [name for name, found in tried.items() if name != "llc" and found["total"]["error"]["samples"] == most]
+    assert chosen == min(able, key=lambda name: tried[name]["total"]["error"]["rmse_3d"])
+    assert take["self_check"]["total"] == tried[chosen]["total"]
+    own = WITH_BARS if chosen == "dynammo" else ("--method", chosen)
+    run(*arguments, *own, "--self-check")
+    again, _ = taken(folder / "walk_filled.report.json")
+    assert again["self_check"] == take["self_check"]
+    assert again["choice"] is None
+    assert (folder / "walk_filled.c3d").read_bytes() == written
+
+
+def test_auto_prefers_the_better_of_two_that_fill_alike(folder):
+    (folder / "bad.csv").write_text("marker,first,last\nRTOE,100,130\nLTOE,200,240\n")
+    inside = ("--gaps", folder / "bad.csv", "--no-detect", "--overwrite")
+    run("fill", folder / "walk_truth.c3d", *inside, *auto("linear", "spline"))
+    take, _ = taken(folder / "walk_truth_filled.report.json")
+    errors = {c["method"]: c["total"]["error"]["rmse_3d"] for c in take["choice"]["candidates"]}
+    assert errors["spline"] < errors["linear"]
+    assert take["method"] == "spline"
+
+
+def test_auto_without_anything_to_hide_takes_the_first_that_can_be_used(folder):
+    (folder / "bad.csv").write_text("marker,first,last\nLELB,10,470\n")
+    options = ("--gaps", folder / "bad.csv", "--no-detect", *auto("llc", "spline", "linear"))
+    code, out, _ = run("fill", folder / "walk_truth.c3d", *options)
+    assert code == 0
+    take, _ = taken(folder / "walk_truth_filled.report.json")
+    assert take["method"] == "spline"
+    assert "spline, chosen by auto: the first, as none of the 1 gaps fits" in out
+
+
+def test_auto_with_a_limit_of_the_error_asks_for_error_bars(folder):
+    code, out, _ = run("fill", folder / "walk.c3d", *auto("linear", "dynammo"), "--max-error", "10.1")
+    assert code == 0
+    take, _ = taken(folder / "walk_filled.report.json")
+    assert take["method"] == "dynammo"
+    assert "linear is left out: it gives no error bars" in out
+    tried, kept = take["choice"]["candidates"][1]["total"], take["self_check"]["total"]
+    assert tried["error"]["samples"] == tried["samples"] == kept["samples"]
+    assert (kept["error"] or {"samples": 0})["samples"] < kept["samples"]
+
+
+def test_auto_fails_where_no_candidate_can_be_used(folder):
+    before = files_in(folder)
+    code, _, err = run("fill", folder / "walk.c3d", *auto("llc", "srmmp"))
+    assert code == 1
+    assert "none of the methods that auto may choose can be used. llc: this method needs a trained dictionary" in err
+    assert files_in(folder) == before
+
+
 # ---- the sidecar
 
 

@@ -67,6 +67,10 @@ def test_paths_are_relative_to_the_file(tmp_path):
         ("max_left: lots\n", r"max_left must be a number of samples or a percentage. Got 'lots'"),
         ("max_error: 0\n", r"line 1: max_error must be greater than 0. Got 0"),
         ("method: linear\nmax_error: 5\n", r"max_error must go with a method that gives error bars: .*dynammo.*linear"),
+        ("auto: {methods: []}\n", r"auto.methods must name at least one method. Got none"),
+        ("auto: {methods: [spline, magic]}\n", r"line 1: auto.methods.1 must be 'linear', .*Got 'magic'"),
+        ("method: auto\nself_check: false\n", r"method auto must go with the self-check"),
+        ("method: auto\nmax_error: 5\nauto: {methods: [linear]}\n", r"gives error bars: .*dynammo.*Got linear"),
         ("self_check: maybe\n", r"line 1: self_check must be 'auto' or a valid boolean. Got 'maybe'"),
         ("hiding: {rounds: 0}\n", r"hiding.rounds must be greater than or equal to 1. Got 0"),
         ("grades: {good: 40}\n", r"grades.good must be at most grades.fair, 30. Got 40"),
@@ -119,6 +123,7 @@ def test_grades_have_inclusive_limits():
     [
         (DEFAULT_METHOD, "auto", True),
         ("linear", "auto", True),
+        ("auto", "auto", True),
         ("spline", "auto", True),
         ("dynammo", "auto", False),
         ("dynammo", True, True),

@@ -69,7 +69,7 @@ def test_links_lead_somewhere():
 def test_every_option_is_a_configuration_key():
     command = cli.get_command(None, "fill")
     names = {parameter.name for parameter in command.params} - {"files", "config", "assignments", "no_report"}
-    assert names == set(Settings.model_fields) - {"methods", "trust", "grades", "hiding"}
+    assert names == set(Settings.model_fields) - {"methods", "trust", "grades", "hiding", "auto"}
 
 
 def test_help_is_given_for_every_command():

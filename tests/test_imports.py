@@ -12,6 +12,7 @@ ORDER = (
     "__main__",
     "cli",
     "repair",
+    "choosing",
     "account",
     "sidecar",
     "report",

@@ -22,7 +22,7 @@ from mocapclean.report.text import summary
 @click.option("-o", "--output", type=FILE, help="The repaired file, for one input; same format as the input.")
 @click.option("--out-dir", type=FILE, help="Folder for the repaired files, under their own names.")
 @click.option("--overwrite/--no-overwrite", default=None, help="Replace outputs that exist.")
-@click.option("--method", help="How to fill; see 'mocapclean methods'.")
+@click.option("--method", help="How to fill: one of 'mocapclean methods', or auto, which picks for each take.")
 @click.option("--dictionary", type=FILE, help="What 'mocapclean train' wrote; llc and srmmp need it.")
 @click.option("--max-gap", type=int, help="Leave gaps of more frames than this.")
 @click.option("--max-error", type=float, metavar="MM", help="Leave gaps whose expected 3D error is larger.")

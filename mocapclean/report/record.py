@@ -69,6 +69,7 @@ def _take(outcome: Outcome) -> dict[str, Any]:
         "markers": outcome.n_markers,
         "rate": outcome.rate,
         "method": outcome.method,
+        "choice": _plain(outcome.choice),
         "parameters": _plain(outcome.parameters),
         "solution": _plain(outcome.solution),
         "counts": _plain(outcome.counts),

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from mocapclean.metrics import Error
-from mocapclean.records import GRADES, Finding, Gap, Outcome
+from mocapclean.records import GRADES, Candidate, Finding, Gap, Outcome
 
 _LABEL = 12
 _NUMBERS = ("RMSE mm", "3D mm", "largest mm")
@@ -19,6 +19,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         f"{outcome.source} -> {outcome.output}",
         _line("take", _shape(outcome)),
         _line("distrusted", _distrusted(outcome)),
+        *_chosen(outcome),
         _line("filled", _filled(outcome)),
         *_left(outcome),
         *_expected(outcome),
@@ -95,6 +96,25 @@ def _distrusted(outcome: Outcome) -> str:
         f"{_plural(counts.untrusted, 'sample')} ({share:.2f} %) in {_plural(len(outcome.gaps), 'gap')} ({rules}), "
         f"longest {_plural(longest, 'frame')}"
     )
+
+
+def _chosen(outcome: Outcome) -> Iterable[str]:
+    """What method auto chose, and how its candidates did."""
+    choice = outcome.choice
+    if choice is None or not (outcome.counts and outcome.counts.untrusted):
+        return
+    yield _line("method", f"{choice.method}, chosen by auto: {choice.because}")
+    rows = [[candidate.method, *_candidate(candidate)] for candidate in choice.candidates]
+    yield from _indented(rows, ["candidate", "filled", "RMSE mm", "3D mm", "largest mm"])
+    for candidate in choice.candidates:
+        if candidate.left_out:
+            yield _line("", f"{candidate.method} is left out: {candidate.left_out}")
+
+
+def _candidate(candidate: Candidate) -> list[str]:
+    total = candidate.total
+    filled = f"{total.error.samples:,} of {total.samples:,}" if total.error else "-"
+    return [filled, *_numbers(total.error)]
 
 
 def _filled(outcome: Outcome) -> str:
