@@ -63,7 +63,7 @@ def check(
         found += _trials(take, hidden, solution, leave)
     if not found:
         reason = f"none of the {len(pattern)} gaps fits where its marker is trusted"
-        return SelfCheck(because=reason if len(pattern) else "there is no gap to fill")
+        return SelfCheck(because=reason if len(pattern) else "there is no gap to fill of a marker that is seen")
     return SelfCheck(rounds=params.rounds, total=_pooled(found), by_length=_by_length(pattern, found))
 
 

@@ -180,10 +180,10 @@ def fails(take: Take) -> Solution:
 @pytest.mark.parametrize(
     ("take", "solve", "because"),
     [
-        (gapped(50, 2), fails, "there is no gap to fill"),
-        (gapped(50, 2, (0, 0, 50)), fails, "there is no gap to fill"),
+        (gapped(50, 2), fails, "there is no gap to fill of a marker that is seen"),
+        (gapped(50, 2, (0, 0, 50)), fails, "there is no gap to fill of a marker that is seen"),
         (gapped(50, 2, (0, 5, 45)), fails, "none of the 1 gaps fits where its marker is trusted"),
-        (gapped(0, 2), fails, "there is no gap to fill"),
+        (gapped(0, 2), fails, "there is no gap to fill of a marker that is seen"),
     ],
 )
 def test_without_an_answer_it_says_why(take, solve, because):
