@@ -1,0 +1,99 @@
+"""The methods that others publish as programs: their parts, and their authors' own errors where these are at hand."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mocapclean
+from mocapclean.metrics import error
+from mocapclean.numerics.moving_origin import moving_origin
+from mocapclean.numerics.pair_distances import pair_distances
+from mocapclean.records import Take
+from mocapclean.simulate import hide, perform, single_gaps
+from mocapclean.solvers import SOLVERS
+
+PUBLISHED = Path(__file__).resolve().parents[2] / "shared" / "design" / "peers_on_shared_takes.csv"
+AS = {"pca": "pca"}
+
+
+def test_the_moving_origin_is_the_mean_of_what_is_always_seen(rng):
+    positions = rng.normal(size=(20, 5, 3))
+    trusted = np.ones((20, 5), dtype=bool)
+    trusted[3:7, 4] = trusted[10] = False
+    origin = moving_origin(np.where(trusted[..., None], positions, np.nan), trusted)
+    seen = np.delete(np.arange(20), 10)
+    np.testing.assert_allclose(origin[seen], positions[seen, :4].mean(axis=1))
+
+
+def test_the_moving_origin_of_a_stiff_body_does_not_leap_when_markers_come_and_go(rng):
+    path = np.cumsum(rng.normal(size=(60, 3)), axis=0)
+    positions = path[:, None] + 300.0 * rng.normal(size=(6, 3))
+    trusted = rng.random((60, 6)) < 0.6
+    trusted[:, 0] |= ~trusted.any(axis=1)
+    origin = moving_origin(np.where(trusted[..., None], positions, np.nan), trusted)
+    np.testing.assert_allclose(origin - path, np.broadcast_to((origin - path)[0], path.shape), atol=1e-9)
+
+
+def test_pair_distances_are_those_of_the_frames_that_have_both(rng):
+    positions = rng.normal(size=(700, 4, 3))
+    trusted = rng.random((700, 4)) < 0.7
+    trusted[:, 3] = False
+    mean, deviation = pair_distances(np.where(trusted[..., None], positions, np.nan), trusted, 1000)
+    both = trusted[:, 0] & trusted[:, 2]
+    distance = np.linalg.norm(positions[both, 0] - positions[both, 2], axis=1)
+    assert mean[0, 2] == mean[2, 0] == pytest.approx(distance.mean())
+    assert deviation[0, 2] == pytest.approx(distance.std())
+    assert np.isinf(mean[3]).all()
+    assert np.isinf(deviation[3]).all()
+
+
+@pytest.fixture(scope="module")
+def walk() -> Take:
+    return perform("walk", 4.0, 120.0, 0).markers
+
+
+@pytest.mark.parametrize("parameters", [{"strategy": "R1"}, {"strategy": "R2"}, {"scores": "coded"}])
+def test_pca_finds_markers_that_are_a_linear_function_of_others(parameters, rng):
+    few = rng.normal(size=(120, 4)) * [300.0, 100.0, 50.0, 20.0]
+    truth = few @ rng.normal(size=(4, 10 * 3))
+    take = Take(
+        positions=truth.reshape(120, 10, 3),
+        trusted=np.ones((120, 10), dtype=bool),
+        markers=tuple("abcdefghij"),
+        rate=120.0,
+    )
+    missing = np.zeros((120, 10), dtype=bool)
+    missing[30:50, 2] = missing[45:60, 7] = True
+    params = SOLVERS["pca"].Params(kept=0.9999, bandwidth=1e6, lost_weight=1e-6, near=9.0, **parameters)
+    solution = SOLVERS["pca"].solve(hide(take, missing), params)
+    assert error(take.positions, solution.positions, missing).rmse < 0.05 * take.positions.std()
+
+
+@pytest.mark.parametrize("method", AS)
+def test_every_marker_with_a_gap_somewhere_is_still_filled(method, walk):
+    missing = np.zeros_like(walk.trusted)
+    for k in range(missing.shape[1]):
+        missing[10 * k : 10 * k + 15, k] = True
+    solution = SOLVERS[method].solve(hide(walk, missing), SOLVERS[method].Params())
+    assert solution.filled[20:-20][missing[20:-20]].all()
+    linear = SOLVERS["linear"].solve(hide(walk, missing), SOLVERS["linear"].Params())
+    judged = missing & linear.filled
+    assert error(walk.positions, solution.positions, judged).rmse < error(walk.positions, linear.positions, judged).rmse
+
+
+@pytest.mark.skipif(not PUBLISHED.exists(), reason="the authors' errors (../shared/design) are not at hand")
+@pytest.mark.parametrize("method", AS)
+def test_no_worse_than_the_authors_program_on_the_same_masks(method, captures):
+    take = mocapclean.read(captures / "c3d" / "MocapRecovery__data_HDM_mm_01-02_03_120.c3d")
+    with PUBLISHED.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    cases = [row for row in rows if (row["take"], row["method"]) == ("HDM_mm", AS[method])][::4]
+    ratios = []
+    for row in cases:
+        n_out, length, seed = (int(row[key]) for key in ("markers_out", "frames_out", "seed"))
+        missing = single_gaps(*take.trusted.shape, n_out, length, np.random.default_rng(seed))
+        solution = SOLVERS[method].solve(hide(take, missing), SOLVERS[method].Params())
+        ratios.append(error(take.positions, solution.positions, missing).rmse / float(row["rmse_mm"]))
+    assert np.median(ratios) < 1.1
