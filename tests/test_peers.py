@@ -15,7 +15,7 @@ from mocapclean.simulate import hide, perform, single_gaps
 from mocapclean.solvers import SOLVERS
 
 PUBLISHED = Path(__file__).resolve().parents[2] / "shared" / "design" / "peers_on_shared_takes.csv"
-AS = {"pca": "pca"}
+AS = {"pca": "pca", "kalman": "kalman_as_published_code"}
 
 
 def test_the_moving_origin_is_the_mean_of_what_is_always_seen(rng):
@@ -69,6 +69,42 @@ def test_pca_finds_markers_that_are_a_linear_function_of_others(parameters, rng)
     params = SOLVERS["pca"].Params(kept=0.9999, bandwidth=1e6, lost_weight=1e-6, near=9.0, **parameters)
     solution = SOLVERS["pca"].solve(hide(take, missing), params)
     assert error(take.positions, solution.positions, missing).rmse < 0.05 * take.positions.std()
+
+
+def test_kalman_is_the_least_squares_path_through_what_is_seen(rng):
+    """The smoother's mean minimises the quadratic form of its model, here solved as one system."""
+    truth = np.cumsum(rng.normal(size=(25, 4)), axis=0) @ rng.normal(size=(4, 15))
+    trusted = np.ones((25, 5), dtype=bool)
+    trusted[8:14, 1] = trusted[11:20, 3] = trusted[:3, 0] = False
+    take = Take(positions=truth.reshape(25, 5, 3), trusted=trusted, markers=tuple("abcde"), rate=120.0)
+    params = SOLVERS["kalman"].Params(noise=0.5, tolerance=1e-6, complete_share=0.0)
+    solution = SOLVERS["kalman"].solve(take, params)
+    complete = trusted.all(axis=1)
+    mean = truth[complete].mean(axis=0)
+    basis = np.linalg.svd(truth[complete] - mean, full_matrices=False)[2][: solution.facts["components"]].T
+    moves = np.diff(truth, axis=0)[complete[1:] & complete[:-1]] @ basis
+    precise = np.linalg.inv(moves.T @ moves / len(moves))
+    n_states = basis.shape[1]
+    system = np.zeros((25 * n_states, 25 * n_states))
+    pull = np.zeros(25 * n_states)
+    seen = np.repeat(trusted, 3, axis=1)
+    for t in range(25):
+        here = slice(t * n_states, (t + 1) * n_states)
+        rows = basis[seen[t]]
+        system[here, here] += rows.T @ rows / 0.25
+        pull[here] += rows.T @ (truth[t] - mean)[seen[t]] / 0.25
+        if t:
+            before = slice((t - 1) * n_states, t * n_states)
+            system[here, here] += precise
+            system[before, before] += precise
+            system[here, before] -= precise
+            system[before, here] -= precise
+    states = np.linalg.solve(system, pull).reshape(25, n_states)
+    expected = (mean + states @ basis.T).reshape(25, 5, 3)
+    np.testing.assert_allclose(solution.positions[~trusted], expected[~trusted], atol=1e-3)
+    narrow = np.linalg.inv(system).reshape(25, n_states, 25, n_states)
+    variance = [np.trace(basis[9:12] @ narrow[t, :, t] @ basis[9:12].T) / 3 + 0.25 for t in range(11, 20)]
+    np.testing.assert_allclose(solution.sd[11:20, 3] ** 2, variance, rtol=0.02)
 
 
 @pytest.mark.parametrize("method", AS)

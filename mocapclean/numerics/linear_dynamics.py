@@ -31,6 +31,13 @@ class LinearSystem:
         """The columns (T, n) of states (T, H)."""
         return states @ self.loadings.T
 
+    def variance(self, smoothed: Smoothed, n_groups: int) -> Floats:
+        """The mean variance (T, g) of the emitted columns of each of g groups of neighbours, noise included."""
+        blocks = self.loadings.reshape(n_groups, -1, self.loadings.shape[1])
+        squares = (blocks.swapaxes(1, 2) @ blocks).reshape(n_groups, -1) / blocks.shape[1]
+        variance: Floats = smoothed.covariances.reshape(-1, squares.shape[1]) @ squares.T + self.noise
+        return variance[smoothed.kinds]
+
 
 def principal_system(values: Floats, n_states: int, least: float) -> LinearSystem:
     """The system whose states are the first principal components, about 0, of complete values (T, n).

@@ -194,12 +194,10 @@ class Learner:
 
     def deviation(self) -> Floats:
         """The expected error (F, M) per coordinate, millimetres; 0 for markers that are trusted nowhere."""
-        system, columns = self.system, self.columns
-        blocks = system.loadings.reshape(columns.seen.shape[1], -1, system.loadings.shape[1])
-        squares = (blocks.swapaxes(1, 2) @ blocks).reshape(len(blocks), -1) / blocks.shape[1]
-        variance = self.smoothed.covariances.reshape(-1, squares.shape[1]) @ squares.T + system.noise
+        columns = self.columns
         deviation = np.zeros((len(columns.seen), len(columns.used)))
-        deviation[:, columns.used] = columns.spread * np.sqrt(variance)[self.smoothed.kinds]
+        variance = self.system.variance(self.smoothed, columns.seen.shape[1])
+        deviation[:, columns.used] = columns.spread * np.sqrt(variance)
         return deviation
 
     @property
