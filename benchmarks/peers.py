@@ -27,7 +27,7 @@ from mocapclean.simulate import hide, single_gaps
 from mocapclean.solvers import SOLVERS
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
-NAMES = {"pca": "pca", "kalman": "kalman_as_published_code"}
+NAMES = {"pca": "pca", "pma": "pma", "kalman": "kalman_as_published_code"}
 TAKES = {"85_12": "MocapRecovery__data_85_12.c3d", "HDM_mm": "MocapRecovery__data_HDM_mm_01-02_03_120.c3d"}
 
 
