@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from mocapclean.bench import compare, hu2017, imamura2018, jobs, plots, tan2015, wang2016
+from mocapclean.bench import compare, hu2017, imamura2018, jobs, markers, plots, tan2015, wang2016
 from mocapclean.bench.jobs import CMU_UNIT, Capture, Choice, Entry, Loss
 from mocapclean.bench.protocols import EXPERIMENTS
 from mocapclean.bench.published import published, statements
@@ -16,6 +16,7 @@ from mocapclean.bench.results import Curve, Figure, Panel, Results, Row, beside,
 from mocapclean.cli import cli
 from mocapclean.errors import SolverError, UsageError
 from mocapclean.formats import c3d
+from mocapclean.records import Solution
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
 
@@ -307,6 +308,114 @@ def test_compare_judges_hidden_samples_only_and_those_at_the_ends_apart(capture)
     assert "rmse at ends" not in linear
 
 
+def test_markers_counts_gaps_and_what_intervals_hold(capture, monkeypatch):
+    truth = capture.take
+    missing = np.zeros_like(truth.trusted)
+    missing[20:30, 1] = missing[40:80, 2] = missing[-7:, 3] = True
+
+    class Given:
+        def missing(self, take, seed):
+            return missing
+
+    errors = np.zeros_like(truth.positions)
+    errors[20:30, 1] = [3.0, 0.0, 4.0]
+    errors[40:80, 2, 0] = np.linspace(0.0, 39.0, 40)
+    sd = np.where(missing, 2.0, 0.0)
+    solution = Solution(positions=truth.positions + errors, filled=missing, sd=sd)
+    monkeypatch.setattr(SOLVERS["linear"], "solve", lambda *_: solution)
+    measures, series = markers.run(capture, LINEAR, Given(), 0)
+    inside = np.concatenate([errors[20:30, 1], errors[40:80, 2]])
+    assert (measures["hidden"], measures["left"]) == (50, 0)
+    assert measures["rmse"] == pytest.approx((inside**2).mean() ** 0.5)
+    assert measures["coordinates 1-10"] == 30
+    assert measures["covered 1-10"] == 20
+    assert measures["coordinates 31-60"] == 120
+    assert measures["covered 31-60"] == 120 - 36
+    np.testing.assert_array_equal(series["frames"], [10, 40])
+    np.testing.assert_allclose(series["error"], [5.0, (np.linspace(0.0, 39.0, 40) ** 2).mean() ** 0.5])
+    np.testing.assert_allclose(series["expected"], 3**0.5 * 2.0)
+
+
+def marker_row(take, method, error, pattern="1x30", **values):
+    found = {"rmse": error, **values}
+    return Row(
+        take=take,
+        method=method,
+        variant="",
+        parameters="{}",
+        cell={"pattern": pattern},
+        seed=0,
+        values=found,
+        series=dict,
+    )
+
+
+def test_markers_sets_the_default_beside_the_best_other_of_each_case(monkeypatch):
+    monkeypatch.setattr(markers, "DEFAULT_METHOD", "pma")
+    rows = []
+    for take, (best, other, line) in {"a": (1.0, 4.0, 2.0), "b": (9.0, 9.0, 9.0), "c": (6.0, 1.5, 3.0)}.items():
+        rows += [marker_row(take, "pma", best), marker_row(take, "pca", other), marker_row(take, "linear", line)]
+    errors, ratios, harm, _, _ = markers.tables(Results(tuple(rows)))
+    assert ("chosen on", "pma", "2", "3.50 / 5.50", "-", "-", "3.50 / 5.50", "-", "-", "-") in errors.rows
+    assert ("reported on", "pca", "1", "1.00", "-", "-", "1.00", "0.0 %") in ratios.rows
+    assert ("chosen on", "best of them", "2", "1.41", "-", "-", "1.41", "50.0 %") in ratios.rows
+    assert ("chosen on", "pma", "2", "50.0 %", "3.00", "0", "-", "-") in harm.rows
+
+
+def test_markers_knows_what_is_measured():
+    take = perform("walk", 4.0, 120.0, 0).markers
+    names = [f"s:{name}" for name in take.markers]
+    names[3:11] = ["*7", "s:*8", "RFEO", "RFEA", "RFEL", "RFEP", "s:LHipCentre", "STERNO"]
+    twin = take.positions.copy()
+    twin[:, 12] = twin[:, 11] + [40.0, 0.0, 0.0]
+    trusted = take.trusted.copy()
+    trusted[::2, 13] = trusted[5, 13] = False
+    kept = markers.labelled(replace(take, markers=tuple(names), positions=twin, trusted=trusted)).markers
+    assert set(names) - set(kept) == {*names[3:10], names[12], names[13]}
+
+
+def test_markers_takes_of_a_folder_what_is_fit_and_says_why_not(tmp_path, rng):
+    good = perform("walk", 3.0, 120.0, 5).markers
+    c3d.create(good, tmp_path / "good.c3d")
+    c3d.create(replace(good, rate=60.0), tmp_path / "slow.c3d")
+    c3d.create(good.crop(0, 250), tmp_path / "short.c3d")
+    c3d.create(good.select(np.arange(12)), tmp_path / "few.c3d")
+    still = good.positions[0] + rng.normal(0.0, 0.3, good.positions.shape)
+    c3d.create(replace(good, positions=still), tmp_path / "still.c3d")
+    trusted = good.trusted.copy()
+    trusted[:100, ::4] = False
+    c3d.create(replace(good, trusted=trusted), tmp_path / "gappy.c3d")
+    (tmp_path / "broken.c3d").write_bytes(b"nothing")
+    (tmp_path / "other.bvh").write_bytes(b"nothing")
+    arguments = ("--methods", "linear", "--seeds", "1", "--no-plots", "--out-dir", tmp_path / "o")
+    code, text, _ = run("markers", "--folder", tmp_path, *arguments)
+    assert code == 0
+    assert "chosen on: good\n" in text
+    for said in (
+        "slow.c3d (60 Hz)",
+        "short.c3d (250 frames)",
+        "few.c3d (12 labelled markers)",
+        "still.c3d (nobody moves)",
+        f"gappy.c3d ({100 * (1 - trusted.mean()):.1f} % missing)",
+        "broken.c3d (cannot be read)",
+        "other.bvh (no C3D)",
+    ):
+        assert said in text
+    assert {row["take"] for row in rows_of(tmp_path / "o" / "markers.csv")} == {"good"}
+
+
+def test_markers_alternates_the_takes():
+    assert markers.halves(["c", "a", "d", "b", "e"]) == {"chosen on": ["a", "c", "e"], "reported on": ["b", "d"]}
+
+
+def test_scattered_gaps_are_short_and_off_the_ends(capture):
+    missing = markers.Scattered(count=30, longest=10).missing(capture.take, 3)
+    assert not missing[:10].any()
+    assert not missing[-10:].any()
+    assert 30 <= missing.sum() <= 300
+    assert (missing != markers.Scattered(count=30, longest=10).missing(capture.take, 4)).any()
+
+
 def test_untrusted_samples_are_neither_hidden_nor_judged(capture):
     take = capture.take
     trusted = take.trusted.copy()
@@ -321,6 +430,7 @@ def test_untrusted_samples_are_neither_hidden_nor_judged(capture):
     assert imamura2018.run(broken, LINEAR, Loss(ratio=0.3), 0)[0]["rmse"] < 100
     assert wang2016.run(broken, LINEAR, Loss(ratio=0.3), 0)[0]["rmse_cm"] < 1000
     assert compare.run(broken, LINEAR, compare.Occlusion(), 0)[0]["largest"] < 1e4
+    assert markers.run(broken, LINEAR, markers.SHORT[2], 0)[0]["largest"] < 1e4
 
 
 def test_a_loss_depends_on_its_seed_and_its_size_only(capture):
@@ -355,7 +465,7 @@ def test_printed_tables_are_whole():
     assert len(published("tan2015_table2")) == 8 * 4
     assert {row["take"] for row in rows} == set(EXPERIMENTS["tan2015"].sequences)
     assert len(published("hu2017_seconds")) == 6
-    assert all(statements(name) for name in EXPERIMENTS if name != "compare")
+    assert all(statements(name) for name in EXPERIMENTS if name not in ("compare", "markers"))
 
 
 def test_ours_beside_theirs():

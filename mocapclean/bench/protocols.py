@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mocapclean.bench import compare, hu2017, imamura2018, tan2015, wang2016
+from mocapclean.bench import compare, hu2017, imamura2018, markers, tan2015, wang2016
 from mocapclean.bench.jobs import Choice, Job
 from mocapclean.bench.results import Figure, Results, Table
 
@@ -68,6 +68,15 @@ EXPERIMENTS: dict[str, Experiment] = {
         figures=wang2016.figures,
         quick_frames=wang2016.QUICK_FRAMES,
         notes=wang2016.notes,
+    ),
+    "markers": Experiment(
+        reference="gaps of known size in real labelled markers, mocapclean.simulate.single_gaps",
+        measures=markers.MEASURES,
+        jobs=markers.jobs,
+        tables=markers.tables,
+        figures=markers.figures,
+        quick_frames=markers.QUICK_FRAMES,
+        notes=markers.notes,
     ),
     "compare": Experiment(
         reference="natural-looking gaps, mocapclean.simulate.occlude",
