@@ -257,16 +257,17 @@ def _keys(place: tuple[int | str, ...]) -> Iterator[str]:
     section: Any = Settings
     for key in place:
         fields = _fields(section)
-        if not fields and isinstance(key, str):
+        if fields is None and isinstance(key, str):
             return  # the name of a branch of a union
         yield str(key)
-        if str(key) not in fields:
+        if not fields or str(key) not in fields:
             return
         section = fields[str(key)].annotation
 
 
-def _fields(section: Any) -> Mapping[str, Any]:
-    return getattr(section, "model_fields", None) or getattr(section, "__pydantic_fields__", {})
+def _fields(section: Any) -> Mapping[str, Any] | None:
+    """The keys of a section, maybe none; None for a value."""
+    return getattr(section, "model_fields", None) or getattr(section, "__pydantic_fields__", None)
 
 
 def _sentence(fault: ErrorDetails, path: Path | None, tree: CommentedMap) -> str:
@@ -277,8 +278,8 @@ def _sentence(fault: ErrorDetails, path: Path | None, tree: CommentedMap) -> str
     if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         section: Any = Settings
         for key in keys[:-1]:
-            section = _fields(section)[key].annotation
-        allowed = sorted(_fields(section))
+            section = (_fields(section) or {})[key].annotation
+        allowed = sorted(_fields(section) or ())
         near = get_close_matches(keys[-1], allowed, n=1)
         hint = f" Did you mean {near[0]!r}?" if near else ""
         return f"{source}: unknown key {name!r}.{hint} Allowed: {', '.join(allowed) or 'none'}."
