@@ -20,11 +20,11 @@ import numpy as np
 from mocapclean import metrics
 from mocapclean.bench.jobs import Capture, Choice, Entry, Found, Job, grid, solve
 from mocapclean.bench.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
-from mocapclean.config import DEFAULT_METHOD
+from mocapclean.config import DEFAULT_METHOD, Grades
 from mocapclean.errors import MocapcleanError
 from mocapclean.numerics.evidence import enclosed
 from mocapclean.numerics.pair_distances import pair_distances
-from mocapclean.records import Bools, Floats, Take
+from mocapclean.records import GRADES, Bools, Floats, Take
 from mocapclean.runs import column_runs
 from mocapclean.simulate import single_gaps
 
@@ -39,11 +39,8 @@ METHODS = ("linear", "spline", "kalman", "pca", "pma", DEFAULT_METHOD)
 ENTRIES = tuple(Entry(method=name) for name in dict.fromkeys(METHODS))
 HALVES = ("chosen on", "reported on")
 
-INTERVAL = 1.645  # standard deviations to both sides of a 90 % interval
 HARM = 2.0  # mm that a method may be worse than the better interpolation
 LOSS = 1.0  # mm that the default may be worse than the best other method of a case
-GRADES = {"good": 7.0, "fair": 20.0, "poor": np.inf}
-"""The largest expected 3D error of a gap, mm, that earns a grade."""
 
 FEWEST_MARKERS, FEWEST_FRAMES, RATES = 20, 300, (99.5, 120.5)
 MOST_MISSING = 0.05
@@ -231,14 +228,15 @@ def run(capture: Capture, entry: Entry, pattern: Pattern, seed: int) -> Found:
     }
     if solution.sd is None:
         return measures, {}
-    inside = np.abs(errors) <= INTERVAL * solution.sd[..., None]
+    inside = np.abs(errors) <= metrics.INTERVAL_90 * solution.sd[..., None]
     lengths = [len(range(*gap[0].indices(len(missing)))) for gap in gaps]
     for name, members in metrics.by_length(lengths):
         held = [inside[gaps[k]][filled[gaps[k]]] for k in members]
         measures[f"coordinates {name}"] = sum(h.size for h in held)
         measures[f"covered {name}"] = sum(int(h.sum()) for h in held)
-    expected = [_rms_3d(np.repeat(solution.sd[gap][filled[gap]][:, None], 3, axis=1)) for gap in gaps]
-    return measures, {"frames": np.array(lengths, dtype=float), "error": np.array(size), "expected": np.array(expected)}
+    expected = [metrics.expected_error(solution.sd[gap][filled[gap]]) for gap in gaps]
+    series = {"frames": lengths, "error": size, "expected": expected}
+    return measures, {name: np.array(values, dtype=np.float64) for name, values in series.items()}
 
 
 def _gaps(untrusted: Bools) -> Iterator[tuple[slice, int]]:
@@ -373,30 +371,29 @@ def _calibration(split: Sequence[Half]) -> Table:
                 cells = [_share(*pair) for pair in zip(held, total, strict=True)]
                 rows.append((half.name, label, *cells, _share(sum(held), sum(total)), str(sum(total))))
     return Table(
-        title=f"Coordinates within {INTERVAL:g} sd (90 % if the expected errors are right), by frames of the gap",
+        title=f"Coordinates within {metrics.INTERVAL_90:g} sd (90 % if expected errors are right), by frames of a gap",
         header=("half", "method", *CLASSES, "all", "coordinates"),
         rows=tuple(rows),
     )
 
 
 def _grades(split: Sequence[Half]) -> Table:
-    rows = []
+    rows, limits = [], Grades()
     for half in split:
         for label, cases in half.rows.items():
             series = [found for row in cases.values() if (found := row.series())]
             if not series:
                 continue
             error, expected, frames = (np.concatenate([s[k] for s in series]) for k in ("error", "expected", "frames"))
-            grade = np.searchsorted([*GRADES.values()], expected)
-            for k, name in enumerate(GRADES):
-                mine = grade == k
+            grade = np.array([limits.of(value) for value in expected])
+            for name in GRADES:
+                mine = grade == name
                 middle, most = np.quantile(error[mine], [0.5, 0.95]) if mine.any() else (None, None)
                 brief = frames <= 60
                 row = (str(mine.sum()), number(middle), number(most), _share((mine & brief).sum(), brief.sum()))
                 rows.append((half.name, label, name, *row))
-    limits = ", ".join(f"{name} up to {limit:g}" for name, limit in GRADES.items() if np.isfinite(limit))
     return Table(
-        title=f"Grades by the expected 3D error of a gap ({limits} mm), and the 3D error that was, mm",
+        title=f"Gaps by expected 3D error (good up to {limits.good:g} mm, fair {limits.fair:g}); their 3D errors, mm",
         header=("half", "method", "grade", "gaps", "median", "95 %", "of gaps up to 60 frames"),
         rows=tuple(rows),
     )

@@ -56,4 +56,4 @@ SOLVERS: dict[str, ModuleType] = {
     "llc": llc,
 }
 
-ERROR_BARS = ("dynammo",)
+ERROR_BARS = ("dynammo", "kalman")
