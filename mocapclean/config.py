@@ -67,7 +67,11 @@ class Auto(BaseModel):
 
     methods: tuple[Literal[tuple(SOLVERS)], ...] = (  # type: ignore[valid-type]
         DEFAULT_METHOD,
-        *(name for name in ("pca", "pma", "kalman", "spline", "linear") if name in SOLVERS),
+        "pca",
+        "pma",
+        "kalman",
+        "spline",
+        "linear",
     )
 
 
