@@ -1,4 +1,4 @@
-"""Proximal maps of the l1 and nuclear norms, and the truncated nuclear norm."""
+"""Proximal maps of the nuclear norm and its truncated forms, the gradient of the free part, and the rank to free."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,11 +7,6 @@ Floats = NDArray[np.float64]
 
 # Below this ratio to the largest singular value the Gram matrix has lost the digits that matter.
 _GRAM_LIMIT = 1e-6
-
-
-def soft(values: Floats, threshold: float) -> Floats:
-    """The prox of threshold·‖·‖₁: sign(v) max(|v| − threshold, 0)."""
-    return values - np.clip(values, -threshold, threshold)
 
 
 def _gram_spectrum(matrix: Floats) -> tuple[Floats, Floats]:
@@ -68,6 +63,26 @@ def _lessen(values: Floats, threshold: float, keep: int) -> Floats:
     lessened = np.maximum(values - threshold, 0.0)
     lessened[:keep] = values[:keep]
     return lessened
+
+
+def shrink_truncated(matrix: Floats, threshold: float, dimension: int, rank: int, out: Floats) -> Floats:
+    """Put argmin_X threshold·‖X‖_* + ½ ‖X − matrix‖_F² over rank X ≤ ``dimension`` in ``out``; return U_r V_rᵀ of it.
+
+    matrix, out: (m, n). The first ``dimension`` singular values lose ``threshold``, the others vanish; by
+    L. Mirsky, 1960, doi:10.1093/qmath/11.1.50, nothing of that rank is closer. U_r V_rᵀ (m, n), of the ``rank``
+    largest values left, is the gradient of their sum; values that vanished or are below 1e-6 σ₁ have no part in it.
+    Both come from one eigenproblem of the small side's Gram matrix: O(m n²) for m ≥ n.
+    """
+    if len(matrix) < matrix.shape[1]:
+        return shrink_truncated(matrix.T, threshold, dimension, rank, out.T).T
+    values, vectors = _gram_spectrum(matrix)
+    n_kept = min(int(np.count_nonzero(values > threshold)), dimension)
+    n_top = min(n_kept, rank, int(np.count_nonzero(values > _GRAM_LIMIT * values[:1].sum())))
+    vectors = vectors[:, :n_kept]
+    coordinates = matrix @ vectors
+    np.matmul(coordinates, (1.0 - threshold / values[:n_kept])[:, None] * vectors.T, out=out)
+    top: Floats = ((vectors[:, :n_top] / values[:n_top]) @ coordinates[:, :n_top].T).T
+    return top
 
 
 def top_singular_directions(matrix: Floats, rank: int) -> Floats:

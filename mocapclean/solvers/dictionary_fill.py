@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mocapclean.body_parts import PARTS
 from mocapclean.dictionary import Dictionary
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.differences import FreeSystem, normal_bands
 from mocapclean.numerics.evidence import fillable
+from mocapclean.numerics.smoothness import smooth
 from mocapclean.records import Floats, Solution, Take
 
 
@@ -63,15 +63,7 @@ def finish(
     positions = body.to_world(body.blended(estimate) if blend else estimate)
     moved = None
     if denoise:
-        positions = smooth(np.where(take.trusted[..., None], take.positions, positions), denoise)
+        noisy = np.where(take.trusted[..., None], take.positions, positions).reshape(len(positions), -1)
+        positions = smooth(noisy, denoise, 2, flat_ends=False).reshape(positions.shape)
         moved = take.trusted.copy()
     return Solution(positions=positions, filled=fillable(take.trusted), facts=facts, moved=moved)
-
-
-def smooth(positions: Floats, weight: float) -> Floats:
-    """argmin ‖z − x‖² + weight ‖D₂ z‖² of positions x (F, M, 3) over frames."""
-    n_frames, n_markers, _ = positions.shape
-    system = FreeSystem(normal_bands(n_frames, 1.0, 0.0, weight), np.ones((n_frames, n_markers), dtype=bool))
-    smoothed = np.empty_like(positions)
-    smoothed.reshape(-1, 3)[system.places] = system.solve(positions.reshape(-1, 3)[system.places])
-    return smoothed

@@ -28,7 +28,7 @@ The constraint has one side: bones may still come out too short.
 Cost per iteration: that of ``svt`` and two sparse products over the constraints.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -43,6 +43,7 @@ from mocapclean.numerics.evidence import fillable
 from mocapclean.parameters import STRICT
 from mocapclean.records import Bools, Solution, Take
 from mocapclean.skeleton import Bone
+from mocapclean.solvers import svt
 
 REFERENCE = (
     "C.-H. Tan, J. Hou, L.-P. Chau, 2015, Motion capture data recovery using skeleton constrained singular value "
@@ -51,23 +52,13 @@ REFERENCE = (
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
-class Params:
-    """The threshold, and how to climb."""
+class Params(svt.Params):
+    """Those of ``svt``, and how well the bones must hold."""
 
-    threshold: Annotated[float, Field(gt=0, description="τ / √(3FM), mm, threshold per root of the entries")] = 451.556
-    tolerance: Annotated[
-        float, Field(ge=0, description="tol, mm, root mean square residual of the trusted entries to stop at")
-    ] = 0.564444
     bone_tolerance: Annotated[
         float, Field(ge=0, description="ε, mm, accelerated: how much too long the worst bone may be at the end")
     ] = 2.82222
-    iteration: Annotated[
-        Literal["accelerated", "paper"], Field(description="δ, 1, restarted momentum, or the printed plain ascent")
-    ] = "accelerated"
     step: Annotated[float, Field(gt=0, lt=2, description="δ, 1, step of the plain ascent, at most 1.9 / λ")] = 0.75
-    origin: Annotated[
-        Literal["mean", "file"], Field(description="o, 1, positions about their mean, or as they are in the file")
-    ] = "mean"
     max_iterations: Annotated[int, Field(ge=1, description="k_max, 1, most iterations after the kick-start")] = 10000
 
 

@@ -39,9 +39,13 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.shrinkage import shrink_singular_values, spectral_gap_rank, top_singular_directions
+from mocapclean.numerics.shrinkage import (
+    shrink_singular_values,
+    shrink_truncated,
+    spectral_gap_rank,
+    top_singular_directions,
+)
 from mocapclean.numerics.splitting import Copies, Observation
-from mocapclean.numerics.truncation import shrink_truncated
 from mocapclean.parameters import STRICT
 from mocapclean.records import Solution, Take
 from mocapclean.solvers.sparse_noise import NoisyTake

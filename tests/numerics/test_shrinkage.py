@@ -5,8 +5,8 @@ import pytest
 
 from mocapclean.numerics.shrinkage import (
     shrink_singular_values,
+    shrink_truncated,
     singular_values,
-    soft,
     spectral_gap_rank,
     top_singular_directions,
 )
@@ -16,10 +16,6 @@ def matrix_of(rng: np.random.Generator, shape: tuple[int, int], spectrum: list[f
     left = np.linalg.qr(rng.normal(size=(shape[0], len(spectrum))))[0]
     right = np.linalg.qr(rng.normal(size=(shape[1], len(spectrum))))[0]
     return (left * spectrum) @ right.T
-
-
-def test_soft_shrinks_towards_zero():
-    np.testing.assert_allclose(soft(np.array([-3.0, -0.5, 0.0, 0.2, 2.0]), 0.5), [-2.5, 0, 0, 0, 1.5])
 
 
 @pytest.mark.parametrize("shape", [(40, 7), (7, 40), (1, 5), (5, 1), (0, 4), (4, 0)])
@@ -60,3 +56,18 @@ def test_spectral_gap_rank(rng):
     matrix = matrix_of(rng, (30, 12), [90.0, 50.0, 49.0, 20.0, 19.5, 19.0])
     assert [spectral_gap_rank(matrix, gap, 15) for gap in (60.0, 35.0, 25.0, 0.9)] == [0, 1, 3, 6]
     assert spectral_gap_rank(matrix, 0.9, 4) == 4
+
+
+@pytest.mark.parametrize("shape", [(40, 7), (7, 40), (1, 5), (5, 1)])
+@pytest.mark.parametrize(("dimension", "rank"), [(7, 0), (3, 2), (1, 1), (7, 7)])
+@pytest.mark.parametrize("threshold", [1e-9, 2.0, 100.0])
+def test_truncated_step_and_directions_are_those_of_the_full_decomposition(rng, shape, dimension, rank, threshold):
+    matrix = rng.normal(size=shape)
+    left, sigma, right = np.linalg.svd(matrix, full_matrices=False)
+    places = np.arange(len(sigma))
+    lessened = np.where(places < dimension, np.maximum(sigma - threshold, 0), 0)
+    chosen = (places < rank) & (lessened > 0)
+    out = np.empty(shape)
+    top = shrink_truncated(matrix, threshold, dimension, rank, out)
+    np.testing.assert_allclose(out, (left * lessened) @ right, atol=1e-12)
+    np.testing.assert_allclose(top, (left * chosen) @ right, atol=1e-12)

@@ -7,9 +7,9 @@ from scipy.fft import dct, idct
 from mocapclean.numerics.smoothness import roughness, roughness_bands, smooth
 
 
-def operator(n_frames: int, order: int) -> np.ndarray:
+def operator(n_frames: int, order: int, flat_ends: bool = True) -> np.ndarray:
     D = np.diff(np.eye(n_frames), axis=0)
-    return D if order == 1 else -D.T @ D
+    return D if order == 1 else -D.T @ D if flat_ends else np.diff(D, axis=0)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -39,3 +39,12 @@ def test_smoothing_is_the_filter_in_the_cosine_domain(rng, n_frames, order, weig
     gain = 1 / (1 + weight * (4 * np.sin(np.pi * np.arange(n_frames) / (2 * n_frames)) ** 2) ** order)
     expected = idct(gain[:, None] * dct(values, axis=0, norm="ortho"), axis=0, norm="ortho")
     np.testing.assert_allclose(smooth(values, weight, order), expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("n_frames", [1, 2, 3, 31])
+def test_with_free_ends_it_is_the_dense_least_squares_and_leaves_steady_motion_alone(rng, n_frames):
+    values, OP = rng.normal(size=(n_frames, 4)), operator(n_frames, 2, flat_ends=False)
+    expected = np.linalg.solve(np.eye(n_frames) + 7.0 * OP.T @ OP, values)
+    np.testing.assert_allclose(smooth(values, 7.0, 2, flat_ends=False), expected, atol=1e-12)
+    steady = np.arange(n_frames)[:, None] * np.array([10.0, -3.0])
+    np.testing.assert_allclose(smooth(steady, 7.0, 2, flat_ends=False), steady, atol=1e-9)
