@@ -60,8 +60,8 @@ def _some(names: tuple[str, ...]) -> str:
 def rigid_pairs(take: Take) -> tuple[Bone, ...]:
     """Pairs of markers whose distance stays within 3 mm (robust SD) over the take, up to 3 for each marker.
 
-    The length is the median distance over up to 300 frames in which both are trusted; at least 30 such frames, and a
-    distance of 800 mm at most, are asked for.
+    Length and spread are the median and the robust SD of the distance over up to 300 frames in which both are trusted;
+    at least 30 such frames, and a distance of 800 mm at most, are asked for.
     """
     frames = np.unique(np.linspace(0, len(take.trusted) - 1, min(_SAMPLE, len(take.trusted))).astype(int))
     positions, trusted = take.positions[frames], take.trusted[frames]
@@ -73,7 +73,8 @@ def rigid_pairs(take: Take) -> tuple[Bone, ...]:
         nearest = partners[np.argsort(spread[marker, partners] + 0.01 * median[marker, partners], kind="stable")]
         chosen |= {(min(marker, int(p)), max(marker, int(p))) for p in nearest[:_PARTNERS]}
     return tuple(
-        Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b])) for a, b in sorted(chosen)
+        Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b]), spread=float(spread[a, b]))
+        for a, b in sorted(chosen)
     )
 
 

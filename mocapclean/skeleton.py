@@ -11,11 +11,12 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True, kw_only=True)
 class Bone:
-    """Two joints or markers, by name, and the distance between them in millimetres."""
+    """Two joints or markers, by name, the distance between them and its standard deviation, both in millimetres."""
 
     start: str
     end: str
     length: float
+    spread: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -70,6 +70,16 @@ def test_rigid_pairs_are_found_and_loose_ones_are_not(rng):
     assert bones_of(take)[0] == "rigid pairs"
 
 
+def test_a_rigid_pair_tells_how_far_its_length_is_known(rng):
+    distance = 200.0 + 2.0 * rng.normal(size=300)
+    positions = np.zeros((300, 2, 3))
+    positions[:, 1, 0] = distance
+    (bone,) = rigid_pairs(take_of(positions, ("A", "B")))
+    assert bone.length == pytest.approx(np.median(distance))
+    assert bone.spread == pytest.approx(2.0, rel=0.15)
+    assert {b.spread for b in known_bones(("hip", "knee"), chain())} == {0.0}
+
+
 def chain():
     return Skeleton(
         names=("hip", "knee", "ankle"),

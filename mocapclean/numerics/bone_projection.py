@@ -1,15 +1,15 @@
 """The nearest points that keep the lengths of bones, in many frames at once.
 
-    min_y  ½ Σ_u |y_u − t_u|² + ½ w Σ_e c_e²    c_e = (|y_u − y_v|² − ℓ_e²) / 2ℓ_e
+    min_y  ½ Σ_u |y_u − t_u|² + ½ Σ_e w_e c_e²    c_e = (|y_u − y_v|² − ℓ_e²) / 2ℓ_e
 
-over the movable points u of a frame, the others standing where t has them; w = ∞ makes it |y_u − y_v| = ℓ_e. With
-multipliers λ_e = w c_e both are Newton's method on one system, of L. Li et al. (2010) for w = ∞:
+over the movable points u of a frame, the others standing where t has them; w_e = ∞ makes it |y_u − y_v| = ℓ_e. With
+multipliers λ_e = w_e c_e both are Newton's method on one system, of L. Li et al. (2010) for w = ∞:
 
     [ I + Σ λ_e/ℓ_e L_e   Bᵀ  ] [Δy]      [ y − t + Bᵀ λ ]
     [ B                  −1/w ] [Δλ] = −  [ c − λ/w      ]       B = ∂c/∂y, L_e the Laplacian of bone e
 
 For a few steps λ is left out of the upper block, which projects onto the bones' tangents by turns and cannot go
-astray; then the steps are Newton's own. More bones than freedom would make the system singular, so w is at most 1e9.
+astray; then the steps are Newton's own. More bones than freedom would make the system singular, so w_e is at most 1e9.
 """
 
 import numpy as np
@@ -37,14 +37,17 @@ def held(movable: Bools, ends: Ints, anchored: Bools) -> Bools:
 
 
 def project(
-    targets: Floats, movable: Bools, anchored: Bools, ends: Ints, lengths: Floats, weight: float = np.inf
+    targets: Floats, movable: Bools, anchored: Bools, ends: Ints, lengths: Floats, weights: Floats | float = np.inf
 ) -> tuple[Floats, Floats]:
     """Points (F, M, 3) near targets (F, M, 3) with the bones of ends (E, 2) and lengths (E,), and the error left (F,).
+
+    weights: w (E,), or one for all; infinite where a length is to hold.
 
     Only movable (F, M) points move; a bone counts where its ends are movable or anchored, and one of them movable. The
     error is the largest entry of the frame's KKT residual, in the unit of the targets.
     """
     points, errors = targets.copy(), np.zeros(len(targets))
+    weights = np.broadcast_to(weights, lengths.shape)
     masks = Masks(np.concatenate([movable, anchored], axis=1))
     order = np.argsort(masks.kinds, kind="stable")
     for rows, pattern in zip(np.split(order, np.cumsum(np.bincount(masks.kinds))[:-1]), masks.distinct, strict=True):
@@ -52,17 +55,17 @@ def project(
         active = there[ends].all(axis=1) & free[ends].any(axis=1)
         if active.any():
             own = np.flatnonzero(free & np.isin(np.arange(len(free)), ends[active]))
-            points[rows], errors[rows] = _newton(targets[rows], own, ends[active], lengths[active], weight)
+            points[rows], errors[rows] = _newton(targets[rows], own, ends[active], lengths[active], weights[active])
     return points, errors
 
 
-def _newton(targets: Floats, own: Ints, ends: Ints, lengths: Floats, weight: float) -> tuple[Floats, Floats]:
+def _newton(targets: Floats, own: Ints, ends: Ints, lengths: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """``project`` for frames (f, M, 3) in which the same points ``own`` move and the same bones count."""
     incidence = np.zeros((len(ends), targets.shape[1]))
     incidence[np.arange(len(ends)), ends[:, 0]], incidence[np.arange(len(ends)), ends[:, 1]] = 1.0, -1.0
     incidence = incidence[:, own]
     n_moved, n_bones = 3 * len(own), len(ends)
-    give = 1.0 / min(weight, STIFFEST)
+    give = 1.0 / np.minimum(weights, STIFFEST)
     points, forces = targets.copy(), np.zeros((len(targets), n_bones))
     longest = STRIDE * lengths.min()
     system = np.zeros((len(targets), n_moved + n_bones, n_moved + n_bones))
@@ -79,7 +82,7 @@ def _newton(targets: Floats, own: Ints, ends: Ints, lengths: Floats, weight: flo
         curved = np.einsum("fe,ea,eb->fab", bent, incidence, incidence) + np.eye(len(own))
         system[:, :n_moved, :n_moved] = np.einsum("fab,cd->facbd", curved, np.eye(3)).reshape(-1, n_moved, n_moved)
         system[:, n_moved:, :n_moved], system[:, :n_moved, n_moved:] = slopes, slopes.swapaxes(1, 2)
-        system[:, n_moved:, n_moved:] = -give * np.eye(n_bones)
+        system[:, n_moved:, n_moved:] = -np.diag(give)
         move = np.linalg.solve(system, -residual[..., None])[..., 0]
         share = np.minimum(1.0, longest / np.maximum(np.abs(move[:, :n_moved]).max(axis=1), np.finfo(float).tiny))
         points[:, own] += (share[:, None] * move[:, :n_moved]).reshape(len(targets), -1, 3)

@@ -6,7 +6,7 @@ First the system is learned as in ``dynammo``. Then, in every iteration, the mis
 moved from C E[z_t] to the nearest place that keeps the lengths (``constraint="hard"``, Newton's method on the
 optimality conditions), or nearer to it (``"soft"``), and count as data for the next one:
 
-    min_y |y − C ẑ|²  with the bones held,   or   min_y |y − C ẑ|² + w Σ_e c_e²,   c_e = (|y_u − y_v|² − ℓ_e²) / 2ℓ_e
+    min_y |y − C ẑ|²  with the bones held,   or   min_y |y − C ẑ|² + Σ_e w_e c_e²,   c_e = (|y_u − y_v|² − ℓ_e²) / 2ℓ_e
 
 so that expectation and maximisation raise the likelihood of data and estimates together. L. Li, J. McCann, N. S.
 Pollard, C. Faloutsos, 2010, doi:10.2312/SCA/SCA10/179-188.
@@ -16,10 +16,12 @@ Where this departs from the print, and why:
 - All that ``dynammo`` departs in. Missing samples without a bone are integrated out, as there.
 - The lengths come from the skeleton or from pairs of markers that stay rigid where both are trusted. The authors'
   programs measure them on the complete take, hidden samples included.
+- Markers on skin are no skeleton: a measured length has a spread s_e, and "hard" holds it as well as it is known, with
+  w_e = r / s_e², the likeliest place under both. Held exactly, three such lengths throw a marker by many times s_e.
 - Newton's step is taken whole, after some projections onto the tangents of the bones, and no longer than half a
   bone; the authors halve every step. More bones than a marker has freedom are satisfied in the least squares.
 - The authors' soft penalty is 100 (|·|² − ℓ²)² beside |y − C ẑ|² / r in metres, which weighs as r happens to be. Here
-  c_e is the stretch of a bone, in the unit of the miss, and w says how much more it counts.
+  c_e is the stretch of a bone, in the unit of the miss, and one w says how much more it counts.
 
 Cost per iteration: that of ``dynammo``, and O((U + E)³) per Newton step for each frame with U missing coordinates and
 E bones on them.
@@ -55,9 +57,10 @@ REFERENCE = (
 class Params(dynammo.Params):
     """Those of dynammo, and how bones hold."""
 
-    constraint: Annotated[Literal["hard", "soft"], Field(description="g, 1, bones keep their length, or tend to")] = (
-        "hard"
-    )
+    constraint: Annotated[
+        Literal["hard", "soft"],
+        Field(description="g, 1, bones keep their length as well as it is known, or tend to"),
+    ] = "hard"
     bone_weight: Annotated[
         float, Field(ge=0, description="w, 1, weight of a bone's squared stretch beside a squared miss, soft only")
     ] = 100.0
@@ -118,6 +121,7 @@ class BoneLearner(dynammo.Learner):
         used = [bone for bone in bones if bone.start in place and bone.end in place]
         self.ends = np.array([(place[bone.start], place[bone.end]) for bone in used], dtype=np.intp).reshape(-1, 2)
         self.lengths = np.array([bone.length for bone in used]) / columns.spread
+        self.variances = np.square([bone.spread for bone in used]) / columns.spread**2
         missing = ~columns.seen & columns.seen.any(axis=1, keepdims=True)
         self.tied = held(missing, self.ends, columns.seen)
         self.residual, self.bound = 0.0, False
@@ -145,8 +149,13 @@ class BoneLearner(dynammo.Learner):
         guess = super().impute()
         if not self.bound:
             return guess
-        weight = np.inf if self.params.constraint == "hard" else self.params.bone_weight
+        weights = self._hold() if self.params.constraint == "hard" else self.params.bone_weight
         points = guess.reshape(len(guess), -1, 3)
-        points, errors = project(points, self.tied, self.columns.seen, self.ends, self.lengths, weight)
+        points, errors = project(points, self.tied, self.columns.seen, self.ends, self.lengths, weights)
         self.residual = float(errors.max())
         return points.reshape(guess.shape)
+
+    def _hold(self) -> Floats:
+        """The weights (E,) of bones that hold as well as they are known: infinite where the length has no spread."""
+        endless = np.full_like(self.variances, np.inf)
+        return np.divide(self.system.noise, self.variances, out=endless, where=self.variances > 0)

@@ -1,10 +1,12 @@
 """What Li et al. (2010) promise: bones of the right length, and DynaMMo where there is none."""
 
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mocapclean
 from mocapclean.errors import SolverError
 from mocapclean.records import Take
 from mocapclean.simulate import block_loss, perform
@@ -12,6 +14,7 @@ from mocapclean.skeleton import Skeleton, move
 from mocapclean.solvers import bolero, dynammo
 from mocapclean.solvers.bolero import Params
 
+SAMPLES = Path(__file__).resolve().parents[2] / "sample_data"
 LENGTHS = (400.0, 300.0, 200.0, 250.0)
 
 
@@ -122,6 +125,16 @@ def test_rigid_pairs_stand_in_for_a_skeleton(rng):
     solution = bolero.solve(bare, Params())
     assert solution.facts["bones_from"] == "rigid pairs"
     assert stretches(bare, solution.positions).max() < 0.1
+
+
+def test_pairs_of_markers_on_skin_help_and_never_throw_a_marker():
+    broken, truth = (mocapclean.read(SAMPLES / f"walk{end}.c3d").crop(100, 340) for end in ("", "_truth"))
+    wrong = {}
+    for module in (bolero, dynammo):
+        miss = module.solve(broken, module.Params()).positions - truth.positions
+        wrong[module] = np.linalg.norm(miss[~broken.trusted], axis=1)
+    assert np.square(wrong[bolero]).mean() < 0.9 * np.square(wrong[dynammo]).mean()
+    assert wrong[bolero].max() < 1.1 * wrong[dynammo].max()
 
 
 def test_hidden_samples_are_not_measured(rng):
