@@ -101,7 +101,7 @@ def plain_robust(matrix, weight, keep=0):
         mu = min(1.5 * mu, limit)
 
 
-def ours_dual(data, edges, step, n_iterations, *, momentum=False):
+def ours_dual(data, edges, n_iterations, step=None):
     begin = perf_counter()
     found = ascend(
         data.values,
@@ -109,7 +109,6 @@ def ours_dual(data, edges, step, n_iterations, *, momentum=False):
         edges,
         threshold=THRESHOLD * data.values.size**0.5,
         step=step,
-        momentum=momentum,
         tolerance=0.0,
         excess_tolerance=0.0,
         max_iterations=n_iterations,
@@ -153,10 +152,10 @@ def per_iteration(folder, n=40):
     tau = THRESHOLD * data.values.size**0.5
     print(f"13_17, {data.values.shape[0]} x {data.values.shape[1]}, {n} printed iterations each, one thread")
     none = no_edges(data.values.size // 3)
-    found, our_seconds = ours_dual(data, none, 1.5, n)
+    found, our_seconds = ours_dual(data, none, n, 1.5)
     port, seconds, k = watched(plain_svt(data.values, data.known, tau, 1.5), n + found.skipped)
     line("svt", port, seconds / k, found.matrix, our_seconds / n)
-    found, our_seconds = ours_dual(data, edges, 0.4, n)
+    found, our_seconds = ours_dual(data, edges, n, 0.4)
     port, seconds, k = watched(plain_scsvt(data.values, data.known, tau, 0.4, *ends), n + found.skipped)
     line("scsvt", port, seconds / k, found.matrix, our_seconds / n)
     values = data.values / data.spread
@@ -188,8 +187,8 @@ def to_converged(folder):
         f"118_10 at 60 Hz, {values.shape[0]} x {values.shape[1]}: seconds until within {NEAR:g} of the converged answer"
     )
     ours = {
-        "svt": lambda n: ours_dual(data, none, 1.0, n, momentum=True)[0].matrix,
-        "scsvt": lambda n: ours_dual(data, edges, 1 / curvature, n, momentum=True)[0].matrix,
+        "svt": lambda n: ours_dual(data, none, n)[0].matrix,
+        "scsvt": lambda n: ours_dual(data, edges, n)[0].matrix,
         "ialm": lambda n: ours_completion(values, data.known, 20 / norm, n, 1.7)[0],
     }
     ports = {

@@ -29,7 +29,7 @@ class Edges:
     """
 
     def __init__(self, first: Indices, second: Indices, lengths: Floats, n_samples: int) -> None:
-        self.lengths = lengths
+        self.first, self.second, self.lengths = first, second, lengths
         rows, ones = np.arange(len(lengths)), np.ones(len(lengths))
         entries = np.concatenate([ones, -ones]), (np.tile(rows, 2), np.concatenate([first, second]))
         self._difference = csr_array(entries, shape=(len(lengths), n_samples))
@@ -64,6 +64,17 @@ class Edges:
             bound = float(np.max(image / x, initial=1.0))
             x += image
         return bound
+
+    def steps(self, known: Bools) -> tuple[Floats, Floats]:
+        """Safe steps of their own for the entries (F, 3m), 0 where not known, and for the inequalities (N,).
+
+        A row of K = (A; C) gets the inverse of the largest Σ_k |K|_kj Σ_l |K|_kl over the columns j that it has: with
+        these Σ, KᵀΣK ≤ I. T. Pock, A. Chambolle, 2011, doi:10.1109/ICCV.2011.6126441.
+        """
+        own = known[:, ::3].ravel().astype(float)
+        weight = np.maximum(own + 2.0 * self._adjoint.count_nonzero(axis=1), 1.0)
+        heaviest = np.maximum(weight[self.first], weight[self.second])
+        return np.repeat(own / weight, 3).reshape(known.shape), 1.0 / heaviest
 
 
 def no_edges(n_samples: int) -> Edges:
@@ -104,28 +115,28 @@ def ascend(
     edges: Edges,
     *,
     threshold: float,
-    step: float,
-    momentum: bool,
+    step: float | None = None,
     tolerance: float,
     excess_tolerance: float,
     max_iterations: int,
 ) -> Ascent:
     """Ascend until residual and excess are within their tolerances.
 
-    values: (F, n), B where known and 0 elsewhere. ``step`` must be below 2 / ‖AᵀA + CᵀC‖, with ``momentum`` at most
-    1 / ‖·‖. Momentum is Y. Nesterov's (1983), restarted where it points downhill: B. O'Donoghue, E. Candès, 2015,
-    doi:10.1007/s10208-013-9150-3. The kick-start is exact: while ‖y‖₂ ≤ τ, Z is 0 and so every p_i and s_i, and y
-    grows by the step times B.
+    values: (F, n), B where known and 0 elsewhere. ``step`` is that of the plain ascent, below 2 / ‖AᵀA + CᵀC‖. Without
+    one every multiplier has its own and momentum, Y. Nesterov's (1983), restarted where it points downhill:
+    B. O'Donoghue, E. Candès, 2015, doi:10.1007/s10208-013-9150-3. The kick-start is exact for the plain ascent: while
+    ‖y‖₂ ≤ τ, Z is 0 and so every p_i and s_i, and y grows by the step times B.
     """
-    mask = known.astype(float)
     scale = max(int(known.sum()), 1) ** -0.5
     n_edges = len(edges.lengths)
-    skipped = _skipped(float(singular_values(values).max(initial=0.0)), threshold, step)
+    own, edge = edges.steps(known) if step is None else (step * known, np.full(n_edges, step))
+    growth = 1.0 if step is None else step
+    skipped = _skipped(float(singular_values(values).max(initial=0.0)), threshold, growth)
     now = Ascent(
-        np.zeros_like(values), values * (1 + skipped * step), np.zeros((n_edges, 3)), np.zeros(n_edges), skipped
+        np.zeros_like(values), values * (1 + skipped * growth), np.zeros((n_edges, 3)), np.zeros(n_edges), skipped
     )
     ahead, ahead_vectors, ahead_heights = now.equality.copy(), now.vectors, now.heights
-    residual, total, age = np.empty_like(values), np.empty_like(values), 1.0
+    residual, total, age, mask = np.empty_like(values), np.empty_like(values), 1.0, known.astype(float)
     while len(now.trace) < max_iterations:
         np.copyto(total, ahead)
         edges.add_adjoint(total, ahead_vectors)
@@ -138,16 +149,18 @@ def ascend(
         if now.residual <= tolerance and now.excess <= excess_tolerance:
             now.converged = True
             break
-        residual *= step
-        vectors, heights = project_to_cones(ahead_vectors - step * differences, ahead_heights - step * edges.lengths)
-        ahead += residual
-        if not momentum:
+        vectors, heights = project_to_cones(
+            ahead_vectors - edge[:, None] * differences, ahead_heights - edge * edges.lengths
+        )
+        np.multiply(own, residual, out=total)
+        ahead += total
+        if step is not None:
             now.vectors, now.heights = ahead_vectors, ahead_heights = vectors, heights
             now.equality = ahead
             continue
         np.subtract(ahead, now.equality, out=total)
-        climbed = np.vdot(residual, total) + np.vdot(vectors - ahead_vectors, vectors - now.vectors)
-        climbed += np.dot(heights - ahead_heights, heights - now.heights)
+        climbed = np.vdot(residual, total) + np.vdot((vectors - ahead_vectors) / edge[:, None], vectors - now.vectors)
+        climbed += np.dot((heights - ahead_heights) / edge, heights - now.heights)
         age, before = (0.5 + np.sqrt(0.25 + age * age), age) if climbed >= 0 else (1.0, 1.0)
         weight = (before - 1.0) / age
         ahead_vectors = vectors + weight * (vectors - now.vectors)

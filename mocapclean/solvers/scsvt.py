@@ -17,7 +17,8 @@ Where this departs from the print, and why:
 - The print has (p, s) in place of (p, ‖p‖) in the last case of 𝒫. That is not in the cone and loses the constraint.
 - The ascent is safe for δ < 2 / λ, λ the largest eigenvalue of AᵀA + CᵀC, A being the selection of the trusted
   entries: 0.76 with one missing joint at the end of a chain, 0.59 with one inside it. ``iteration="paper"`` keeps δ
-  at 1.9 / λ or below; ``"accelerated"`` has δ = 1 / λ and restarted momentum.
+  at 1.9 / λ or below; ``"accelerated"`` has restarted momentum, and a step for each multiplier, since λ comes from the
+  few frames with most bones out: 1 for an entry on no loose bone.
 - The printed end does not look at the bones. ``"accelerated"`` goes on until none is too long by more than
   ``bone_tolerance``; ``"paper"`` ends as printed. It tests Z before there is one; the test belongs after the update.
 - Without a skeleton the bones are pairs of markers that the trusted samples show to be rigid.
@@ -78,15 +79,13 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
             f"Got none among {len(take.markers)} markers; give a skeleton or use svt."
         )
     edges = loose_edges(bones, take.markers, take.trusted)
-    curvature = edges.curvature(data.known)
     plain = params.iteration == "paper"
     ascent = ascend(
         data.values,
         data.known,
         edges,
         threshold=params.threshold * data.values.size**0.5,
-        step=min(params.step, 1.9 / curvature) if plain else 1.0 / curvature,
-        momentum=not plain,
+        step=min(params.step, 1.9 / edges.curvature(data.known)) if plain else None,
         tolerance=params.tolerance,
         excess_tolerance=np.inf if plain else params.bone_tolerance,
         max_iterations=params.max_iterations,

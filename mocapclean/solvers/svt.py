@@ -65,14 +65,12 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
-    plain = params.iteration == "paper"
     ascent = ascend(
         data.values,
         data.known,
         no_edges(data.values.size // 3),
         threshold=params.threshold * data.values.size**0.5,
-        step=params.step if plain else 1.0,
-        momentum=not plain,
+        step=params.step if params.iteration == "paper" else None,
         tolerance=params.tolerance,
         excess_tolerance=0.0,
         max_iterations=params.max_iterations,

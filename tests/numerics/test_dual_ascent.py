@@ -27,9 +27,9 @@ def chain(rng: np.random.Generator, n_frames: int = 10) -> tuple[np.ndarray, np.
     return values, known, Edges(first, second, lengths, 4 * n_frames), (first, second, lengths)
 
 
-def climb(values, known, edges, *, step, momentum=True, tolerance=1e-8, max_iterations=60000) -> Ascent:
+def climb(values, known, edges, *, step=None, tolerance=1e-8, max_iterations=60000) -> Ascent:
     return ascend(
-        values, known, edges, threshold=TAU, step=step, momentum=momentum, tolerance=tolerance,
+        values, known, edges, threshold=TAU, step=step, tolerance=tolerance,
         excess_tolerance=tolerance, max_iterations=max_iterations,
     )  # fmt: skip
 
@@ -67,6 +67,18 @@ def test_curvature_is_a_tight_bound_on_a_tree_and_a_bound_with_a_cycle(rng):
     assert no_edges(4).curvature(known) == 1.0
 
 
+def test_the_steps_of_the_momentum_are_safe_and_larger_than_the_common_one(rng):
+    _, known, edges, (first, second, _) = chain(rng)
+    own, edge = edges.steps(known)
+    rows = np.eye(known.size // 3)[first] - np.eye(known.size // 3)[second]
+    metric = np.diag(own[:, ::3].ravel()) + rows.T @ (edge[:, None] * rows)
+    assert np.linalg.eigvalsh(metric)[-1] <= 1 + 1e-12
+    assert not own[~known].any()
+
+    assert own.max() == 1.0
+    assert np.median(own[known]) > 2 / edges.curvature(known)
+
+
 def test_one_missing_end_joint_has_the_curvature_that_explains_the_printed_step():
     known = np.repeat(np.array([[True, True, False]]), 3, axis=1)
     end = Edges(np.array([1]), np.array([2]), np.ones(1), 3).curvature(known)
@@ -82,7 +94,7 @@ def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_e
     if not with_edges:
         edges, first, second, lengths = no_edges(values.size // 3), first[:0], second[:0], lengths[:0]
     step, n = 0.1, 30
-    mine = climb(values, known, edges, step=step, momentum=False, tolerance=0.0, max_iterations=n)
+    mine = climb(values, known, edges, step=step, tolerance=0.0, max_iterations=n)
     assert mine.skipped > 3
     y, p, s = values.copy(), np.zeros((len(lengths), 3)), np.zeros(len(lengths))
     for _ in range(n + mine.skipped):
@@ -102,7 +114,7 @@ def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_e
 
 def test_converged_iterate_is_optimal(rng):
     values, known, edges, (first, second, lengths) = chain(rng)
-    found = climb(values, known, edges, step=1 / edges.curvature(known))
+    found = climb(values, known, edges)
     assert found.converged
     assert found.residual <= 1e-8
     assert not found.equality[~known].any()
@@ -116,7 +128,7 @@ def test_converged_iterate_is_optimal(rng):
     slack = (found.vectors * stretch).sum(axis=1) + found.heights * lengths
     assert np.abs(slack).max() < 1e-4 * found.heights.max()
     assert found.heights.max() > 0.01
-    unbounded = climb(values, known, no_edges(values.size // 3), step=1.0)
+    unbounded = climb(values, known, no_edges(values.size // 3))
     samples = unbounded.matrix.reshape(-1, 3)
     assert np.linalg.norm(samples[first] - samples[second], axis=1).max() > lengths[0] + 0.01
 
@@ -126,7 +138,7 @@ def test_agrees_with_an_interior_point_solver(rng, with_edges):
     values, known, edges, ends = chain(rng, 8)
     if not with_edges:
         edges, ends = no_edges(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
-    found = climb(values, known, edges, step=1 / edges.curvature(known))
+    found = climb(values, known, edges)
     Z = cp.Variable(values.shape)
     rules = [cp.multiply(known.astype(float), Z) == values]
     for a, b, length in zip(*ends, strict=True):
@@ -141,16 +153,15 @@ def test_agrees_with_an_interior_point_solver(rng, with_edges):
 
 def test_momentum_needs_far_fewer_iterations_for_the_same_answer(rng):
     values, known, edges, _ = chain(rng)
-    curvature = edges.curvature(known)
-    plain = climb(values, known, edges, step=1.9 / curvature, momentum=False, tolerance=1e-2)
-    fast = climb(values, known, edges, step=1 / curvature, tolerance=1e-2)
+    plain = climb(values, known, edges, step=1.9 / edges.curvature(known), tolerance=1e-2)
+    fast = climb(values, known, edges, tolerance=1e-2)
     assert plain.converged
     assert 3 * len(fast.trace) < len(plain.trace)
     np.testing.assert_allclose(fast.matrix[known], plain.matrix[known], atol=0.1)
 
 
 def test_zero_matrix_is_answered_at_once():
-    found = climb(np.zeros((4, 6)), np.ones((4, 6), bool), no_edges(8), step=1.0)
+    found = climb(np.zeros((4, 6)), np.ones((4, 6), bool), no_edges(8))
     assert found.converged
     assert len(found.trace) == 1
     assert not found.matrix.any()
