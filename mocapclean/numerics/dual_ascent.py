@@ -1,4 +1,4 @@
-"""Singular value thresholding as gradient ascent on the dual, with and without cone constraints.
+"""Singular value thresholding as it is printed, gradient ascent on the dual, with and without cone constraints.
 
     min_Z  τ‖Z‖_* + ½‖Z‖_F²    subject to  Z = B on the known entries,  ‖C_i z‖ ≤ d_i for every i
 
@@ -29,7 +29,7 @@ class Edges:
     """
 
     def __init__(self, first: Indices, second: Indices, lengths: Floats, n_samples: int) -> None:
-        self.first, self.second, self.lengths = first, second, lengths
+        self.lengths = lengths
         rows, ones = np.arange(len(lengths)), np.ones(len(lengths))
         entries = np.concatenate([ones, -ones]), (np.tile(rows, 2), np.concatenate([first, second]))
         self._difference = csr_array(entries, shape=(len(lengths), n_samples))
@@ -65,16 +65,9 @@ class Edges:
             x += image
         return bound
 
-    def steps(self, known: Bools) -> tuple[Floats, Floats]:
-        """Safe steps of their own for the entries (F, 3m), 0 where not known, and for the inequalities (N,).
-
-        A row of K = (A; C) gets the inverse of the largest Σ_k |K|_kj Σ_l |K|_kl over the columns j that it has: with
-        these Σ, KᵀΣK ≤ I. T. Pock, A. Chambolle, 2011, doi:10.1109/ICCV.2011.6126441.
-        """
-        own = known[:, ::3].ravel().astype(float)
-        weight = np.maximum(own + 2.0 * self._adjoint.count_nonzero(axis=1), 1.0)
-        heaviest = np.maximum(weight[self.first], weight[self.second])
-        return np.repeat(own / weight, 3).reshape(known.shape), 1.0 / heaviest
+    def columns(self, samples: Indices) -> csr_array:
+        """C as a matrix (N, U) of these samples (U,) only."""
+        return csr_array(self._difference[:, samples])
 
 
 def no_edges(n_samples: int) -> Edges:
@@ -90,23 +83,32 @@ def project_to_cones(vectors: Floats, heights: Floats) -> tuple[Floats, Floats]:
     return vectors * (np.minimum(lifted, norms) / np.maximum(norms, _TINY))[:, None], lifted
 
 
-@dataclass
-class Ascent:
-    """The iterate Z (F, n) and its multipliers: ``equality`` (F, n), ``vectors`` (N, 3) and ``heights`` (N,).
+@dataclass(kw_only=True)
+class Iterate:
+    """A matrix (F, n), the iterate, and how far it has come.
 
-    skipped: how many iterations the kick-start jumped over. residual: root mean square of B − Z over the known
-    entries. excess: how much the worst inequality is broken. trace: the residual after every iteration.
+    residual: root mean square of its miss over the known entries. excess: how much the worst inequality is broken.
+    trace: the residual after every iteration.
     """
 
     matrix: Floats
-    equality: Floats
-    vectors: Floats
-    heights: Floats
-    skipped: int
     residual: float = np.inf
     excess: float = np.inf
     trace: list[float] = field(default_factory=list)
     converged: bool = False
+
+
+@dataclass(kw_only=True)
+class Ascent(Iterate):
+    """With its multipliers: ``equality`` (F, n), ``vectors`` (N, 3) and ``heights`` (N,).
+
+    skipped: how many iterations the kick-start jumped over.
+    """
+
+    equality: Floats
+    vectors: Floats
+    heights: Floats
+    skipped: int
 
 
 def ascend(
@@ -115,31 +117,31 @@ def ascend(
     edges: Edges,
     *,
     threshold: float,
-    step: float | None = None,
+    step: float,
     tolerance: float,
     excess_tolerance: float,
     max_iterations: int,
 ) -> Ascent:
     """Ascend until residual and excess are within their tolerances.
 
-    values: (F, n), B where known and 0 elsewhere. ``step`` is that of the plain ascent, below 2 / ‖AᵀA + CᵀC‖. Without
-    one every multiplier has its own and momentum, Y. Nesterov's (1983), restarted where it points downhill:
-    B. O'Donoghue, E. Candès, 2015, doi:10.1007/s10208-013-9150-3. The kick-start is exact for the plain ascent: while
-    ‖y‖₂ ≤ τ, Z is 0 and so every p_i and s_i, and y grows by the step times B.
+    values: (F, n), B where known and 0 elsewhere. ``step`` must be below 2 / ‖AᵀA + CᵀC‖. The kick-start is exact:
+    while ‖y‖₂ ≤ τ, Z is 0 and so every p_i and s_i, and y grows by the step times B.
     """
+    mask = known.astype(float)
     scale = max(int(known.sum()), 1) ** -0.5
     n_edges = len(edges.lengths)
-    own, edge = edges.steps(known) if step is None else (step * known, np.full(n_edges, step))
-    growth = 1.0 if step is None else step
-    skipped = _skipped(float(singular_values(values).max(initial=0.0)), threshold, growth)
+    skipped = _skipped(float(singular_values(values).max(initial=0.0)), threshold, step)
     now = Ascent(
-        np.zeros_like(values), values * (1 + skipped * growth), np.zeros((n_edges, 3)), np.zeros(n_edges), skipped
+        matrix=np.zeros_like(values),
+        equality=values * (1 + skipped * step),
+        vectors=np.zeros((n_edges, 3)),
+        heights=np.zeros(n_edges),
+        skipped=skipped,
     )
-    ahead, ahead_vectors, ahead_heights = now.equality.copy(), now.vectors, now.heights
-    residual, total, age, mask = np.empty_like(values), np.empty_like(values), 1.0, known.astype(float)
+    residual, total = np.empty_like(values), np.empty_like(values)
     while len(now.trace) < max_iterations:
-        np.copyto(total, ahead)
-        edges.add_adjoint(total, ahead_vectors)
+        np.copyto(total, now.equality)
+        edges.add_adjoint(total, now.vectors)
         shrink_singular_values(total, threshold, out=now.matrix)
         np.subtract(values, now.matrix, out=residual)
         residual *= mask
@@ -149,26 +151,11 @@ def ascend(
         if now.residual <= tolerance and now.excess <= excess_tolerance:
             now.converged = True
             break
-        vectors, heights = project_to_cones(
-            ahead_vectors - edge[:, None] * differences, ahead_heights - edge * edges.lengths
+        residual *= step
+        now.equality += residual
+        now.vectors, now.heights = project_to_cones(
+            now.vectors - step * differences, now.heights - step * edges.lengths
         )
-        np.multiply(own, residual, out=total)
-        ahead += total
-        if step is not None:
-            now.vectors, now.heights = ahead_vectors, ahead_heights = vectors, heights
-            now.equality = ahead
-            continue
-        np.subtract(ahead, now.equality, out=total)
-        climbed = np.vdot(residual, total) + np.vdot((vectors - ahead_vectors) / edge[:, None], vectors - now.vectors)
-        climbed += np.dot((heights - ahead_heights) / edge, heights - now.heights)
-        age, before = (0.5 + np.sqrt(0.25 + age * age), age) if climbed >= 0 else (1.0, 1.0)
-        weight = (before - 1.0) / age
-        ahead_vectors = vectors + weight * (vectors - now.vectors)
-        ahead_heights = heights + weight * (heights - now.heights)
-        now.vectors, now.heights = vectors, heights
-        now.equality, ahead = ahead, now.equality
-        total *= weight
-        np.add(now.equality, total, out=ahead)
     return now
 
 

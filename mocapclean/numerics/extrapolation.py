@@ -7,6 +7,7 @@ Floats = NDArray[np.float64]
 
 _RIDGE = 1e-10
 _WORSE = 2.0
+_HISTORY = 2**25  # entries of all remembered states: 256 MB, and as much for their residuals
 
 
 class Anderson:
@@ -20,7 +21,8 @@ class Anderson:
     """
 
     def __init__(self, memory: int, size: int) -> None:
-        """Remember ``memory`` differences of states of so many entries."""
+        """Remember ``memory`` differences of states of so many entries, or as many as take 512 MB."""
+        memory = min(memory, _HISTORY // max(size, 1))
         self.memory, self._size, self.restarts = memory, size, 0
         self._images = np.empty((memory, size))
         self._residuals = np.empty((memory, size))

@@ -17,8 +17,7 @@ Where this departs from the print, and why:
 - The print has (p, s) in place of (p, ‖p‖) in the last case of 𝒫. That is not in the cone and loses the constraint.
 - The ascent is safe for δ < 2 / λ, λ the largest eigenvalue of AᵀA + CᵀC, A being the selection of the trusted
   entries: 0.76 with one missing joint at the end of a chain, 0.59 with one inside it. ``iteration="paper"`` keeps δ
-  at 1.9 / λ or below; ``"accelerated"`` has restarted momentum, and a step for each multiplier, since λ comes from the
-  few frames with most bones out: 1 for an entry on no loose bone.
+  at 1.9 / λ or below; ``"accelerated"`` is the splitting of ``svt`` with the bones as bounds.
 - The printed end does not look at the bones. ``"accelerated"`` goes on until none is too long by more than
   ``bone_tolerance``; ``"paper"`` ends as printed. It tests Z before there is one; the test belongs after the update.
 - Without a skeleton the bones are pairs of markers that the trusted samples show to be rigid.
@@ -39,7 +38,7 @@ from mocapclean.bones import bones_of
 from mocapclean.dictionary import Dictionary
 from mocapclean.errors import SolverError
 from mocapclean.numerics.centred import centred
-from mocapclean.numerics.dual_ascent import Ascent, Edges, ascend
+from mocapclean.numerics.dual_ascent import Edges, Iterate
 from mocapclean.numerics.evidence import fillable
 from mocapclean.parameters import STRICT
 from mocapclean.records import Bools, Solution, Take
@@ -80,29 +79,21 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
         )
     edges = loose_edges(bones, take.markers, take.trusted)
     plain = params.iteration == "paper"
-    ascent = ascend(
-        data.values,
-        data.known,
+    found = svt.minimise(
+        data,
         edges,
-        threshold=params.threshold * data.values.size**0.5,
-        step=min(params.step, 1.9 / edges.curvature(data.known)) if plain else None,
-        tolerance=params.tolerance,
+        params,
+        step=min(params.step, 1.9 / edges.curvature(data.known)) if plain else 0.0,
         excess_tolerance=np.inf if plain else params.bone_tolerance,
-        max_iterations=params.max_iterations,
     )
     return Solution(
-        positions=data.positions(ascent.matrix),
+        positions=data.positions(found.matrix),
         filled=wanted,
-        converged=ascent.converged,
-        iterations=len(ascent.trace),
-        reason=_reason(ascent, params),
-        trace=tuple(ascent.trace),
-        facts={
-            "bones": len(bones),
-            "bones_from": source,
-            "excess_mm": ascent.excess,
-            "skipped_iterations": ascent.skipped,
-        },
+        converged=found.converged,
+        iterations=len(found.trace),
+        reason=_reason(found, params),
+        trace=tuple(found.trace),
+        facts={"bones": len(bones), "bones_from": source, "excess_mm": found.excess},
     )
 
 
@@ -120,6 +111,6 @@ def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bool
     return Edges(samples + start[loose], samples + end[loose], lengths[loose], known.size)
 
 
-def _reason(ascent: Ascent, params: Params) -> str:
-    state = f"residual {ascent.residual:.2g} mm, longest bone excess {ascent.excess:.2g} mm"
-    return state if ascent.converged else f"max_iterations {params.max_iterations} reached; {state}"
+def _reason(found: Iterate, params: Params) -> str:
+    state = f"residual {found.residual:.2g} mm, longest bone excess {found.excess:.2g} mm"
+    return state if found.converged else f"max_iterations {params.max_iterations} reached; {state}"

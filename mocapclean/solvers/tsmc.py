@@ -49,9 +49,6 @@ REFERENCE = (
 )
 
 
-HISTORY = 2**25  # entries of all remembered states: 256 MB, and as much for their residuals
-
-
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
     """The weights of the model, and the iteration."""
@@ -93,8 +90,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
 
 def minimise(copies: Copies, params: Params) -> tuple[Floats, list[float]]:
     """Iterate until X (F, n) agrees with its copies; X and the distances."""
-    size = copies.state.size
-    memory = Anderson(min(params.memory, HISTORY // size), size)
+    memory = Anderson(params.memory, copies.state.size)
     threshold = 1.0 / (copies.n_copies * params.penalty)
     low = np.empty(copies.shape, order="F")
     trace: list[float] = []

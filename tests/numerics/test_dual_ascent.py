@@ -1,10 +1,11 @@
-"""Thresholding by dual ascent: its cones, its step bound, its kick-start, and the optimum of the convex problem."""
+"""Thresholding with bounds, by dual ascent and by splitting: cones, step bound, kick-start, and one convex optimum."""
 
 import cvxpy as cp
 import numpy as np
 import pytest
 
-from mocapclean.numerics.dual_ascent import Ascent, Edges, ascend, no_edges, project_to_cones
+from mocapclean.numerics.bounded_completion import Feasible, complete
+from mocapclean.numerics.dual_ascent import Ascent, Edges, Iterate, ascend, no_edges, project_to_cones
 
 TAU = 30.0
 
@@ -27,9 +28,16 @@ def chain(rng: np.random.Generator, n_frames: int = 10) -> tuple[np.ndarray, np.
     return values, known, Edges(first, second, lengths, 4 * n_frames), (first, second, lengths)
 
 
-def climb(values, known, edges, *, step=None, tolerance=1e-8, max_iterations=60000) -> Ascent:
+def climb(values, known, edges, *, step, tolerance=1e-8, max_iterations=60000) -> Ascent:
     return ascend(
-        values, known, edges, threshold=TAU, step=step, tolerance=tolerance,
+        values, known, edges, threshold=TAU, step=step, tolerance=tolerance, excess_tolerance=tolerance,
+        max_iterations=max_iterations,
+    )  # fmt: skip
+
+
+def split(values, known, edges, *, memory=10, penalty=20.0, tolerance=1e-9, max_iterations=20000) -> Iterate:
+    return complete(
+        values, known, edges, threshold=TAU, penalty=penalty, memory=memory, tolerance=tolerance,
         excess_tolerance=tolerance, max_iterations=max_iterations,
     )  # fmt: skip
 
@@ -67,18 +75,6 @@ def test_curvature_is_a_tight_bound_on_a_tree_and_a_bound_with_a_cycle(rng):
     assert no_edges(4).curvature(known) == 1.0
 
 
-def test_the_steps_of_the_momentum_are_safe_and_larger_than_the_common_one(rng):
-    _, known, edges, (first, second, _) = chain(rng)
-    own, edge = edges.steps(known)
-    rows = np.eye(known.size // 3)[first] - np.eye(known.size // 3)[second]
-    metric = np.diag(own[:, ::3].ravel()) + rows.T @ (edge[:, None] * rows)
-    assert np.linalg.eigvalsh(metric)[-1] <= 1 + 1e-12
-    assert not own[~known].any()
-
-    assert own.max() == 1.0
-    assert np.median(own[known]) > 2 / edges.curvature(known)
-
-
 def test_one_missing_end_joint_has_the_curvature_that_explains_the_printed_step():
     known = np.repeat(np.array([[True, True, False]]), 3, axis=1)
     end = Edges(np.array([1]), np.array([2]), np.ones(1), 3).curvature(known)
@@ -112,33 +108,29 @@ def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_e
     assert not with_edges or np.abs(mine.vectors).max() > 1e-3
 
 
-def test_converged_iterate_is_optimal(rng):
-    values, known, edges, (first, second, lengths) = chain(rng)
-    found = climb(values, known, edges)
-    assert found.converged
-    assert found.residual <= 1e-8
-    assert not found.equality[~known].any()
-    total = found.equality.copy()
-    edges.add_adjoint(total, found.vectors)
-    np.testing.assert_allclose(svt(total, TAU), found.matrix, atol=1e-5)
-    samples = found.matrix.reshape(-1, 3)
-    stretch = samples[first] - samples[second]
-    assert (np.linalg.norm(stretch, axis=1) <= lengths + 1e-7).all()
-    assert (np.linalg.norm(found.vectors, axis=1) <= found.heights + 1e-9).all()
-    slack = (found.vectors * stretch).sum(axis=1) + found.heights * lengths
-    assert np.abs(slack).max() < 1e-4 * found.heights.max()
-    assert found.heights.max() > 0.01
-    unbounded = climb(values, known, no_edges(values.size // 3))
-    samples = unbounded.matrix.reshape(-1, 3)
-    assert np.linalg.norm(samples[first] - samples[second], axis=1).max() > lengths[0] + 0.01
+def test_feasible_pairs_are_the_nearest_by_least_squares(rng):
+    values, known, edges, (first, second, _) = chain(rng)
+    matrix, vectors = rng.normal(size=values.shape), rng.normal(size=(len(first), 3))
+    rows = np.eye(values.size // 3)[first] - np.eye(values.size // 3)[second]
+    free = ~known[:, ::3].ravel()
+    system = np.concatenate([np.eye(values.size // 3)[:, free], rows[:, free]])
+    goal = np.concatenate([matrix.reshape(-1, 3), vectors]) - np.concatenate(
+        [np.eye(len(free)), rows]
+    ) @ values.reshape(-1, 3)
+    expected = values.reshape(-1, 3).copy()
+    expected[free] = np.linalg.lstsq(system, goal, rcond=None)[0]
+    nearest, differences = Feasible(values, known, edges).nearest(matrix, vectors)
+    np.testing.assert_allclose(nearest.reshape(-1, 3), expected, atol=1e-12)
+    np.testing.assert_allclose(differences, rows @ expected, atol=1e-12)
 
 
 @pytest.mark.parametrize("with_edges", [False, True])
-def test_agrees_with_an_interior_point_solver(rng, with_edges):
+def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_edges):
     values, known, edges, ends = chain(rng, 8)
     if not with_edges:
         edges, ends = no_edges(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
-    found = climb(values, known, edges)
+    found = split(values, known, edges)
+    assert found.converged
     Z = cp.Variable(values.shape)
     rules = [cp.multiply(known.astype(float), Z) == values]
     for a, b, length in zip(*ends, strict=True):
@@ -149,19 +141,33 @@ def test_agrees_with_an_interior_point_solver(rng, with_edges):
     mine = TAU * np.linalg.norm(found.matrix, "nuc") + 0.5 * np.sum(found.matrix**2)
     assert mine == pytest.approx(best, rel=1e-6)
     np.testing.assert_allclose(found.matrix, Z.value, atol=2e-3)
+    for settings in ({"memory": 0, "tolerance": 1e-7}, {"penalty": 80.0}):
+        np.testing.assert_allclose(split(values, known, edges, **settings).matrix, found.matrix, atol=1e-4)
 
 
-def test_momentum_needs_far_fewer_iterations_for_the_same_answer(rng):
+def test_splitting_needs_far_fewer_iterations_than_the_ascent_for_the_same_answer(rng):
     values, known, edges, _ = chain(rng)
     plain = climb(values, known, edges, step=1.9 / edges.curvature(known), tolerance=1e-2)
-    fast = climb(values, known, edges, tolerance=1e-2)
+    fast = split(values, known, edges, tolerance=1e-2)
     assert plain.converged
     assert 3 * len(fast.trace) < len(plain.trace)
     np.testing.assert_allclose(fast.matrix[known], plain.matrix[known], atol=0.1)
+    assert not plain.equality[~known].any()
+    assert (np.linalg.norm(plain.vectors, axis=1) <= plain.heights + 1e-9).all()
+    assert plain.heights.max() > 0.01
+
+
+def test_bounds_matter_here(rng):
+    values, known, edges, (first, second, lengths) = chain(rng)
+    for limits, holds in ((edges, True), (no_edges(values.size // 3), False)):
+        samples = split(values, known, limits).matrix.reshape(-1, 3)
+        longest = np.linalg.norm(samples[first] - samples[second], axis=1).max()
+        assert longest <= lengths[0] + 1e-7 if holds else longest > lengths[0] + 0.01
 
 
 def test_zero_matrix_is_answered_at_once():
-    found = climb(np.zeros((4, 6)), np.ones((4, 6), bool), no_edges(8))
-    assert found.converged
-    assert len(found.trace) == 1
-    assert not found.matrix.any()
+    nothing = np.zeros((4, 6)), np.ones((4, 6), bool), no_edges(8)
+    for found in (climb(*nothing, step=1.0), split(*nothing)):
+        assert found.converged
+        assert len(found.trace) == 1
+        assert not found.matrix.any()

@@ -66,7 +66,7 @@ def test_raw_iterate_misses_the_trusted_samples_by_the_tolerance():
     truth, missing = arm()
     solution = svt.solve(hide(truth, missing), svt.Params(tolerance=2.0))
     residual = np.sqrt(np.mean((solution.positions - truth.positions)[~missing] ** 2))
-    assert 0.5 < residual <= 2.0
+    assert 1e-3 < residual <= 2.0
     assert solution.trace[-1] == pytest.approx(residual)
 
 
@@ -74,7 +74,7 @@ def test_long_enough_bones_give_svt():
     truth, missing = arm()
     skeleton = replace(truth.skeleton, before=10 * truth.skeleton.before)
     take = replace(hide(truth, missing), skeleton=skeleton)
-    tight = {"tolerance": 0.01, "max_iterations": 50000}
+    tight = {"tolerance": 0.001, "max_iterations": 50000}
     bound = scsvt.solve(take, scsvt.Params(**tight))
     np.testing.assert_allclose(bound.positions, svt.solve(take, svt.Params(**tight)).positions, atol=0.5)
 
