@@ -4,8 +4,11 @@ First 13_17, joints with 10 of 31 missing in every block of 60 frames: milliseco
 iteration, the ratio, and the largest difference. Then, for the convex ones, every fourth frame of it with fewer joints
 out: processor time until the iterate is within a relative 1e-6 of the converged answer, by the port of the plain
 iteration and by ours. The converged answer is that of long runs with two penalties, whose distance is printed too. The
-port is stopped after eight times our time. On short takes (118_10, 240 frames at 60 Hz) the answer itself is hardly
-determined: matrices within 6e-9 of the least nuclear norm are 4e-5 apart, and no method gets to 1e-6.
+port is stopped after eight times our time.
+
+Two limits. On short takes (118_10, 240 frames at 60 Hz) the answer itself is hardly determined: matrices within 6e-9
+of the least nuclear norm are 4e-5 apart. And scsvt has thousands of bounds that hardly press: after 8000 iterations two
+penalties still differ by 7e-6, so its race goes to 1e-4.
 
     python benchmarks/low_rank_plain.py [folder of captures]
 """
@@ -34,7 +37,7 @@ from mocapclean.solvers.scsvt import loose_edges
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 THRESHOLD, RANK = 451.556, 6
-NEAR, PATIENCE = 1e-6, 8.0
+PATIENCE = 8.0
 
 
 def shrunk(matrix, threshold, keep=0):
@@ -53,12 +56,12 @@ def watched(iterates, n_iterations):
     raise AssertionError("the iterates never end")
 
 
-def approached(iterates, target, patience):
+def approached(iterates, target, near, patience):
     """Iterations, seconds and distance when the iterate is near the target, or the patience (seconds) at an end."""
     begin = process_time()
     for k, z in enumerate(iterates, 1):
         seconds, distance = process_time() - begin, apart(z, target)
-        if distance <= NEAR or seconds > patience:
+        if distance <= near or seconds > patience:
             return k, seconds, distance
     raise AssertionError("the iterates never end")
 
@@ -209,7 +212,7 @@ def to_converged(folder):
     data, _, _ = hidden(folder, "13_17", 4, 6, 60)
     none, tau, values = no_edges(data.values.size // 3), THRESHOLD * data.values.size**0.5, data.values / data.spread
     norm = np.linalg.norm(values, 2)
-    print(f"13_17 at 30 Hz, {values.shape[0]} x {values.shape[1]}, processor time to within {NEAR:g} of the answer")
+    print(f"13_17 at 30 Hz, {values.shape[0]} x {values.shape[1]}, processor time to near the answer")
     race(
         "svt, 6 of 31 out for 2 s",
         lambda n, penalty: ours_bounded(data, none, n, penalty=penalty, memory=10),
@@ -231,20 +234,21 @@ def to_converged(folder):
         (1000.0, 2000.0),
         4000,
         plain_scsvt(data.values, data.known, tau, 1.9 / edges.curvature(data.known), *ends),
+        near=1e-4,
     )
 
 
-def race(name, run, penalties, n_long, port):
+def race(name, run, penalties, n_long, port, near=1e-6):
     """run(n, penalty): our iterate after n iterations. The first penalty runs the race."""
     target, other = (run(n_long, penalty) for penalty in penalties[::-1])
     n = 16
-    while apart(run(n, penalties[0]), target) > NEAR and n < n_long:
+    while apart(run(n, penalties[0]), target) > near and n < n_long:
         n = int(1.2 * n)
     begin = process_time()
     distance = apart(run(n, penalties[0]), target)
     seconds = process_time() - begin
-    k, port_seconds, port_distance = approached(port, target, PATIENCE * seconds)
-    ratio = f"{'' if port_distance <= NEAR else 'at least '}{port_seconds / seconds:.0f}"
+    k, port_seconds, port_distance = approached(port, target, near, PATIENCE * seconds)
+    ratio = f"{'' if port_distance <= near else 'at least '}{port_seconds / seconds:.0f}"
     print(
         f"{name}: answers {apart(target, other):.0e} apart; ours {n} iterations {seconds:.1f} s to {distance:.0e}; "
         f"port {k} iterations {port_seconds:.1f} s to {port_distance:.0e}; ratio {ratio}",

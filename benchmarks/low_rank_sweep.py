@@ -39,6 +39,8 @@ PLAIN = (
     *(("psvt", {"penalty": p}) for p in (100.0, 1000.0)),
     ("psvt", {"relaxation": 1.7}),
     ("psvt", {"rank_schedule": ()}),
+    ("psvt", {"rank": "auto"}),
+    ("tnnr", {}),
     *(("tnnr", {"rank": r, "rank_schedule": tuple(range(r))}) for r in (2, 4, 6, 8, 12)),
     ("tnnr", {"rank_schedule": ()}),
 )

@@ -6,6 +6,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.numerics import interpolation
+from mocapclean.numerics.shrinkage import spectral_gap_rank
+
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
@@ -27,6 +30,16 @@ class CentredMatrix:
     def spread(self) -> float:
         """The root mean square of the known values, 1 where all are 0."""
         return float(np.linalg.norm(self.values)) / max(int(self.known.sum()), 1) ** 0.5 or 1.0
+
+    @cached_property
+    def interpolated(self) -> Floats:
+        """(F, 3m), straight lines across what is not known, held at the ends."""
+        lines = interpolation.linear(self.values.reshape(len(self.values), -1, 3), self.known[:, ::3])
+        return lines.reshape(self.values.shape)
+
+    def gap_rank(self, gap: float, limit: int) -> int:
+        """The rank that the interpolated matrix shows, by ``spectral_gap_rank``."""
+        return spectral_gap_rank(self.interpolated, gap, limit)
 
     def positions(self, estimate: Floats) -> Floats:
         """An estimate (F, 3m) as positions (F, M, 3); 0 for the markers left out."""

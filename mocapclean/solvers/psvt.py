@@ -13,15 +13,17 @@ Departures, modes and cost are those of ``ialm``, and:
 - The problem is not convex, so the answer depends on the start. In mode completion N is raised step by step
   (``rank_schedule``), each stage starting from the last, the first from 0 (the mean) on the untrusted entries; an
   empty schedule starts at N. The growing penalty (``schedule="paper"``) does not settle there with N > 1.
-- The paper takes N as known; the defaults here come from benchmarks/low_rank_sweep.py.
+- The paper takes N as known; the defaults here come from benchmarks/low_rank_sweep.py. ``rank`` auto is the rule of
+  ``trnn``; with its 15 values the completion often does not settle in ``max_iterations``.
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.dictionary import Dictionary
+from mocapclean.numerics.centred import centred
 from mocapclean.parameters import STRICT
 from mocapclean.records import Solution, Take
 from mocapclean.solvers import ialm
@@ -43,15 +45,25 @@ class Params(ialm.Params):
     growth: Annotated[
         float, Field(ge=1, description="ρ, 1, robust: factor of the penalty in every iteration; 1.5 as printed")
     ] = 1.02
-    rank: Annotated[int, Field(ge=0, description="N, 1, singular values left free")] = 6
+    rank: Annotated[
+        Literal["auto"] | Annotated[int, Field(ge=0)],
+        Field(description="N, 1, singular values left free; auto: the last wide gap of the interpolated spectrum"),
+    ] = 6
+    rank_gap: Annotated[
+        float, Field(gt=0, description="θ, mm, least step between singular values for rank auto (Hu et al. 2017)")
+    ] = 5.644
+    rank_limit: Annotated[int, Field(ge=0, description="N_max, 1, largest rank that auto may choose")] = 15
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
         Field(strict=False, description="N_s, 1, completion: ranks passed through on the way to N; empty: start at N"),
-    ] = (0, 1, 2, 3, 4, 5)
+    ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
     stage_iterations: Annotated[int, Field(ge=1, description="k, 1, most iterations at a rank passed through")] = 100
 
 
 def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill every marker and frame that has some evidence; trace and outliers are those of ``ialm``."""
-    ranks = [*(r for r in params.rank_schedule if r < params.rank), params.rank]
+    rank = params.rank
+    if rank == "auto":
+        rank = centred(take.positions, take.trusted).gap_rank(params.rank_gap, params.rank_limit)
+    ranks = [*(r for r in params.rank_schedule if r < rank), rank]
     return ialm.separate(take, params, ranks, params.stage_iterations)

@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapclean.numerics import interpolation
 from mocapclean.numerics.centred import centred
 from mocapclean.numerics.evidence import fillable
 from mocapclean.numerics.splitting import Copies, Observation
@@ -24,9 +23,7 @@ class NoisyTake:
         self.take, self.unit = take, unit
         self.wanted = fillable(take.trusted)
         self.data = centred(take.positions, take.trusted)
-        used = self.data.used
-        start = interpolation.linear(take.positions[:, used], take.trusted[:, used]) - self.data.centre
-        self.start: Floats = start.reshape(self.data.known.shape) / unit
+        self.start: Floats = self.data.interpolated / unit
 
     def is_idle(self, denoise: bool) -> bool:
         """Whether there is nothing to fill, nor to denoise if that is asked for."""

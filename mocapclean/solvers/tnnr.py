@@ -15,8 +15,8 @@ Where this departs from the print, and why:
 - Y = −AᵀB on the untrusted entries from the first iteration on, so the loop is that of ``ialm`` with one more term.
 - W is the answer, not X, so that trusted entries are exact; at convergence they are the same.
 - The multiplier starts at 0 (the authors' code sets it to the data) and is kept from one outer step to the next.
-- The authors try every rank up to 20 and take the best against the truth. Here the rank is raised step by step
-  (``rank_schedule``), each stage starting from the last; an empty schedule is one rank as printed.
+- The authors try every rank up to 20 and take the best against the truth. Here it is that of ``trnn`` (``rank`` auto)
+  and raised step by step (``rank_schedule``), each stage starting from the last; an empty schedule is one rank.
 - ρ is given times ‖D‖₂ (theirs is 0.05 for grey values up to 255), and the steps are over-relaxed. The defaults come
   from benchmarks/low_rank_sweep.py.
 
@@ -25,7 +25,7 @@ Where this departs from the print, and why:
 Cost per inner iteration: that of ``ialm``.
 """
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -49,11 +49,18 @@ REFERENCE = (
 class Params:
     """The rank, and the two loops."""
 
-    rank: Annotated[int, Field(ge=0, description="r, 1, singular values left free")] = 6
+    rank: Annotated[
+        Literal["auto"] | Annotated[int, Field(ge=0)],
+        Field(description="r, 1, singular values left free; auto: the last wide gap of the interpolated spectrum"),
+    ] = "auto"
+    rank_gap: Annotated[
+        float, Field(gt=0, description="θ, mm, least step between singular values for rank auto (Hu et al. 2017)")
+    ] = 5.644
+    rank_limit: Annotated[int, Field(ge=0, description="r_max, 1, largest rank that auto may choose")] = 15
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
         Field(strict=False, description="r_s, 1, ranks passed through on the way to r; empty: start at r"),
-    ] = (0, 1, 2, 3, 4, 5)
+    ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
     penalty: Annotated[float, Field(gt=0, description="ρ‖D‖₂, 1, penalty of the inner ADMM")] = 20.0
     relaxation: Annotated[
         float, Field(gt=0, lt=2, description="α, 1, factor of every step, above 1 to go further; 1 as printed")
@@ -80,7 +87,9 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     values = data.values / data.spread
     largest = float(singular_values(values).max(initial=0.0)) or 1.0
     completion = Completion(values, data.known, penalty=params.penalty / largest, relaxation=params.relaxation)
-    converged, trace = _raise_rank(completion, min(params.rank, *values.shape), params)
+    rank = data.gap_rank(params.rank_gap, params.rank_limit) if params.rank == "auto" else params.rank
+    rank = min(rank, *values.shape)
+    converged, trace = _raise_rank(completion, rank, params)
     return Solution(
         positions=data.positions(completion.filled * data.spread),
         filled=wanted,
@@ -88,7 +97,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
         iterations=len(completion.trace),
         reason=_reason(converged, completion, params),
         trace=tuple(trace),
-        facts={"rank": min(params.rank, *values.shape), "spread_mm": data.spread},
+        facts={"rank": rank, "spread_mm": data.spread},
     )
 
 

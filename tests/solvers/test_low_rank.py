@@ -1,12 +1,13 @@
 """What ialm, psvt and tnnr promise: exact trusted samples, reductions to each other, an objective that only falls."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from mocapclean.records import Take
-from mocapclean.solvers import ialm, psvt, tnnr
+from mocapclean.solvers import ialm, psvt, tnnr, trnn
 
 TIGHT = {"tolerance": 1e-7, "max_iterations": 30000}
 
@@ -100,3 +101,15 @@ def test_rank_above_the_matrix_and_a_kilometre_away(rng, module):
     far = Take(positions=take.positions + 1e6, trusted=take.trusted, markers=take.markers, rate=60.0)
     one, other = (module.solve(t, module.Params(max_iterations=60, **rank)).positions for t in (take, far))
     np.testing.assert_allclose((other - 1e6)[~take.trusted], one[~take.trusted], atol=1e-3)
+
+
+@pytest.mark.parametrize("module", [psvt, tnnr])
+def test_the_automatic_rank_is_the_one_of_trnn(rng, module):
+    take, _ = swaying(rng)
+    rule = {"rank_gap": 50.0, "rank_limit": 3}
+    solution = module.solve(take, module.Params(rank="auto", **rule))
+    chosen = trnn.solve(take, trnn.Params(max_iterations=1, **rule)).facts["rank"]
+    assert chosen == 3
+    assert solution.facts["rank" if module is tnnr else "kept"] == chosen
+    nothing = replace(take, trusted=np.zeros_like(take.trusted))
+    assert not module.solve(nothing, module.Params(rank="auto")).filled.any()
