@@ -18,14 +18,15 @@ Where this departs from the print, and why:
 
 - ``schedule="paper"`` starts at μ = 0.3 / ‖D‖₂ and multiplies by ρ = 1.2172 + 1.8588 q (q the trusted share) once
   min(μ, √μ) ‖ΔW‖ / ‖D‖ is below 1e-5 √((1 − q) / q). A growing μ freezes the iterate before the optimum, and a
-  small one wastes the first hundred iterations. ``"fixed"`` keeps μ = penalty / ‖D‖₂ and over-relaxes: it
-  tends to the minimiser.
+  small one wastes the first hundred iterations. ``"fixed"`` keeps μ = penalty / ‖D‖₂, over-relaxes and extrapolates:
+  it tends to the minimiser.
 - The last test is on ‖ΔW‖ / ‖D‖ itself, not on the product with min(μ, √μ), which depends on the unit of length.
 - Mode robust starts at μ = 1.25 / ‖D‖₂ as printed. The printed ρ = 1.5 freezes the untrusted entries, which have no
   error term, before they have arrived; ``growth`` is smaller. Turning the world changes the answer, since errors are
   counted coordinate by coordinate. The printed ``error_weight`` is 1; defaults come from benchmarks/low_rank_sweep.py.
 
-Cost per iteration: a Gram matrix and a product of F × 3M, O(F M²), and an eigenproblem of 3M, O(M³).
+Cost per iteration: a Gram matrix and a product of F × 3M, O(F M²), an eigenproblem of 3M, O(M³), and 4 · memory
+passes over the matrix, O(F M).
 """
 
 from collections.abc import Sequence
@@ -61,10 +62,13 @@ class Params:
         Literal["fixed", "paper"],
         Field(description="μ_k, 1, completion: fixed and over-relaxed, or growing as printed"),
     ] = "fixed"
-    penalty: Annotated[float, Field(gt=0, description="μ‖D‖₂, 1, penalty of the fixed schedule")] = 20.0
+    penalty: Annotated[float, Field(gt=0, description="μ‖D‖₂, 1, penalty of the fixed schedule")] = 80.0
     relaxation: Annotated[
         float, Field(gt=0, lt=2, description="α, 1, fixed schedule: factor of every step, above 1 to go further")
     ] = 1.7
+    memory: Annotated[
+        int, Field(ge=0, le=50, description="m, 1, fixed schedule: iterations that Anderson extrapolates from")
+    ] = 10
     error_weight: Annotated[
         float, Field(gt=0, description="λ√max(F,3M), 1, robust: weight of the sparse errors; 1 as printed")
     ] = 2.0
@@ -113,6 +117,7 @@ def _complete(
         data.known,
         penalty=(params.penalty if fixed else 0.3) / largest,
         relaxation=params.relaxation if fixed else 1.0,
+        memory=params.memory if fixed and not ranks[-1] else 0,
     )
     converged = False
     for rank in ranks:

@@ -13,6 +13,7 @@ Departures, modes and cost are those of ``ialm``, and:
 - The problem is not convex, so the answer depends on the start. In mode completion N is raised step by step
   (``rank_schedule``), each stage starting from the last, the first from 0 (the mean) on the untrusted entries; an
   empty schedule starts at N. The growing penalty (``schedule="paper"``) does not settle there with N > 1.
+  Only N = 0 is extrapolated.
 - The paper takes N as known; the defaults here come from benchmarks/low_rank_sweep.py. ``rank`` auto is the rule of
   ``trnn``; with its 15 values the completion often does not settle in ``max_iterations``.
 """
