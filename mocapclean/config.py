@@ -27,7 +27,7 @@ from mocapclean.parameters import STRICT
 from mocapclean.solvers import ERROR_BARS, SOLVERS
 from mocapclean.trust import RULES
 
-DEFAULT_METHOD = "trnn2"
+DEFAULT_METHOD = "kriging"
 CHECKED = ("auto", DEFAULT_METHOD, "linear", "spline")
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 

@@ -411,7 +411,7 @@ def test_simulate_makes_takes_with_truth_in_every_format(tmp_path):
 USAGE = [
     ("no input", (), "Missing argument"),
     ("unknown method", ("{walk}", "--method", "magic"), "method must be"),
-    ("unknown parameter", ("{walk}", "--set", "foo=1"), "unknown key 'methods.trnn2.foo'"),
+    ("unknown parameter", ("{walk}", "--set", "foo=1"), "unknown key 'methods.kriging.foo'"),
     ("output is the input", ("{walk}", "-o", "{walk}", "--overwrite"), "must not be the input"),
     ("output exists", ("{walk}", "-o", "{truth}"), "exists already"),
     ("another format", ("{walk}", "-o", "x.bvh"), "must have the input's format, .c3d"),

@@ -11,6 +11,7 @@ import numpy as np
 from mocapclean import metrics
 from mocapclean.bench.jobs import Capture, Choice, Entry, Found, Job, grid, solve
 from mocapclean.bench.results import Curve, Figure, Panel, Results, Table, number
+from mocapclean.config import DEFAULT_METHOD
 from mocapclean.records import Bools, Take
 from mocapclean.runs import column_runs
 from mocapclean.simulate import occlude
@@ -20,7 +21,7 @@ CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, st
 GROUPS = ("inside", *CLASSES, "at ends")
 MEASURES = (*(f"rmse {name}" for name in GROUPS), "rmse_3d", "largest", "left", "share", "seconds")
 QUICK_FRAMES = 600
-ENTRIES = (Entry(method="linear"), Entry(method="spline"), Entry(method="trnn2"))
+ENTRIES = (Entry(method="linear"), Entry(method="spline"), Entry(method=DEFAULT_METHOD))
 
 
 @dataclass(frozen=True, kw_only=True)

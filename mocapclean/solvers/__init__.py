@@ -21,6 +21,7 @@ from mocapclean.solvers import (
     dynammo,
     ialm,
     kalman,
+    kriging,
     linear,
     llc,
     pca,
@@ -37,6 +38,7 @@ from mocapclean.solvers import (
 )
 
 SOLVERS: dict[str, ModuleType] = {
+    "kriging": kriging,
     "linear": linear,
     "spline": spline,
     "trnn2": trnn2,
@@ -56,4 +58,4 @@ SOLVERS: dict[str, ModuleType] = {
     "llc": llc,
 }
 
-ERROR_BARS = ("dynammo", "kalman")
+ERROR_BARS = ("kriging", "dynammo", "kalman")

@@ -1,0 +1,367 @@
+"""Regression kriging in body-segment frames, several views stacked by what they miss in the take itself.
+
+For a gap of marker k, y is its place in a frame that travels with the segment, laid on k's most rigid neighbours that
+are seen all through the gap, and a_t their places in the same frame:
+
+    y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn 5/2 process that meets the samples beside the gap
+
+Several such views (few or many neighbours, stiff or loose frames, one that does not turn) are combined with weights
+w ≥ 0, Σ w = 1, that minimise the mean square error on windows: stretches as long as the gap where k is known, hidden
+from each view and bridged as the gap is. The same errors give the standard deviation of every filled sample: their
+size, spread over the gap as the variance of g is, and larger where the views disagree more than they do in windows.
+
+A neighbour's rigidity is 1 / (SD of its distance to k)². Gaps of up to a twenty-fourth of a second are bridged over
+time alone (``numerics/short_gaps.py``) and then serve as evidence. A gap whose neighbours come and go is filled in
+pieces. Where many samples are lost at once, a second pass learns from what the first one filled. Bones of known length,
+or pairs of markers that prove rigid, pull filled samples to where the lengths hold.
+
+Our own; parts after N. Cressie, 1993, doi:10.1002/9781119115151 (regression kriging); W. Kabsch, 1976,
+doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
+
+Cost per gap of L frames with q neighbours: O(n q²) for n about 800 + L frames to learn and test from, and
+O(q³) for 32 ridge systems in each of five views. Nothing grows with the take but the search for windows.
+"""
+
+from dataclasses import dataclass as plain_dataclass
+from itertools import pairwise
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from mocapclean.bones import known_bones, rigid_pairs
+from mocapclean.dictionary import Dictionary
+from mocapclean.numerics import interpolation
+from mocapclean.numerics.body_frames import BodyFrames
+from mocapclean.numerics.bone_projection import project
+from mocapclean.numerics.evidence import fillable
+from mocapclean.numerics.regression_kriging import Bridges, Kriged, Layout, krige, spread_out, window_offsets
+from mocapclean.numerics.segment_frames import segment_frames
+from mocapclean.numerics.short_gaps import bridge_short
+from mocapclean.numerics.stacking import stacking_weights
+from mocapclean.parameters import STRICT
+from mocapclean.records import Solution, Take
+from mocapclean.runs import column_runs
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
+
+REFERENCE = (
+    "Regression kriging in body-segment frames, stacked; this project. After N. Cressie, 1993, Statistics for spatial "
+    "data, doi:10.1002/9781119115151"
+)
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class Params:
+    """How much is learnt from, and what counts as rigid."""
+
+    rigidity: Annotated[
+        float, Field(gt=0, description="s, mm, SD of a distance below which neighbours count as equally rigid")
+    ] = 2.0
+    noise: Annotated[float, Field(gt=0, description="e, mm, errors below which windows count as equal")] = 0.1
+    windows: Annotated[int, Field(ge=0, description="w, 1, most windows that a gap is tried on")] = 12
+    learnt: Annotated[int, Field(ge=20, description="n, 1, most frames that a gap is learnt from")] = 400
+    shrinkage: Annotated[
+        float, Field(ge=0, lt=1, description="c, 1, share taken off the covariances of the views' errors")
+    ] = 0.3
+    passes: Annotated[int, Field(ge=1, description="p, 1, most passes, where gaps learn from filled samples")] = 4
+    bone_spread: Annotated[
+        float, Field(ge=0, description="b, mm, largest SD of a distance that counts as a bone's length")
+    ] = 0.05
+
+
+@plain_dataclass(frozen=True)
+class View:
+    """How a gap is looked at: the frame is laid on ``n_framing`` markers (0: it only shifts), a holds ``n_features``.
+
+    looseness: times ``rigidity``, the SD of a distance below which neighbours frame alike.
+    """
+
+    n_framing: int
+    n_features: int
+    looseness: float = 1.0
+
+
+VIEWS = (View(12, 12), View(6, 6), View(24, 24, 5.0), View(4, 24), View(0, 24))
+"""What a gap is predicted from; markers are taken in the order of their rigidity."""
+
+SHORT, SIDE, JOINT = 1.0 / 24.0, 1.0 / 3.0, 1.0 / 12.0  # seconds
+N_EVIDENCE, N_INSIDE, N_SAMPLED = 8, 10, 300
+MARGIN, NEAR = 3, 5  # frames at 120 Hz
+APART = 0.3
+FEATURE_LOOSENESS = 2.5
+REACH_RATIO = 25.0
+FEWEST = 10
+MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
+DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
+
+
+def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
+    """Fill every marker and frame that has some evidence, ends of the take included.
+
+    ``sd`` is there for every filled sample.
+    """
+    wanted = fillable(take.trusted)
+    scene = Scene(take, params)
+    passes, again, heavy = 0, True, False
+    while wanted.any() and passes < params.passes and again:
+        scene.fill(wanted)
+        passes += 1
+        heavy |= scene.contaminated
+        again = heavy or (scene.pieced and passes == 1)
+    filled = wanted & np.isfinite(scene.sd)
+    return Solution(
+        positions=np.where(filled[..., None] | take.trusted[..., None], scene.positions, 0.0),
+        filled=filled,
+        sd=np.where(filled, scene.sd, 0.0),
+        reason="closed form" if passes else "nothing to fill",
+        facts={"passes": passes, "gaps": scene.n_gaps},
+    )
+
+
+class Scene:
+    """A take while it is being filled.
+
+    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; learnable (F, M):
+    what may be learnt from. sd (F, M): NaN where nothing is filled. contaminated: whether some gap had to be learnt
+    from frames that were not known; pieced: whether some gap was filled in pieces.
+    """
+
+    def __init__(self, take: Take, params: Params) -> None:
+        self.params, self.rate, self.trusted = params, take.rate, take.trusted
+        guess = interpolation.linear(take.positions, take.trusted)
+        longest = max(1, round(SHORT * take.rate))
+        self.positions, self.sd = bridge_short(guess, take.trusted, longest, take.rate)
+        self.known = take.trusted | np.isfinite(self.sd)
+        self.learnable = self.known
+        self.mean, self.variance = distances(self.positions, take.trusted)
+        self.contaminated, self.pieced, self.n_gaps = False, False, 0
+        self.ends, self.lengths, self.spreads = stiff_bones(take, params.bone_spread)
+
+    def fill(self, wanted: Bools) -> None:
+        """Fill every wanted (F, M) gap that is not known, all from the same state."""
+        self.contaminated, self.pieced, self.n_gaps = False, False, 0
+        positions, sd = self.positions.copy(), self.sd.copy()
+        for marker, start, stop in column_runs(wanted & ~self.known):
+            self.n_gaps += 1
+            pieces = self.pieces(marker, start, stop)
+            self.pieced |= len(pieces) > 1
+            for first, last in pieces:
+                found = Piece(self, marker, first, last).fill()
+                positions[first:last, marker], sd[first:last, marker] = found
+            join(positions[:, marker], pieces, self.rate)
+        self.positions, self.sd = self.held(positions, sd), sd
+        self.learnable = self.known | np.isfinite(sd)
+
+    def held(self, positions: Floats, sd: Floats) -> Floats:
+        """Positions (F, M, 3), the filled ones moved to where they keep the lengths of bones, each as it is unsure."""
+        filled = np.isfinite(sd)
+        if not len(self.ends) or not filled.any():
+            return positions
+        usual = float(np.median(sd[filled])) ** 2
+        precision = usual / np.where(filled, np.maximum(sd, 1e-3 * np.sqrt(usual)), 1.0) ** 2
+        weights = usual / np.maximum(self.spreads, 1e-6 * np.sqrt(usual)) ** 2
+        return project(positions, filled, self.trusted, self.ends, self.lengths, weights, precision)[0]
+
+    def rigidity(self, marker: int, looseness: float = 1.0) -> Floats:
+        """The weight (M,) of every marker in the frame of one; 0 for itself and those never seen with it."""
+        near = self.params.rigidity
+        variance, reach = self.variance[marker] + (looseness * near) ** 2, self.mean[marker] + REACH_RATIO * near
+        weights = 1.0 / (variance * reach)
+        weights[marker] = 0.0
+        return np.where(np.isfinite(weights), weights, 0.0)
+
+    def pieces(self, marker: int, start: int, stop: int) -> list[tuple[int, int]]:
+        """A gap in as few pieces as leave each with much of the evidence that its frames have."""
+        weights = self.rigidity(marker)
+        best = np.argsort(-weights, kind="stable")[:N_EVIDENCE]
+        seen = self.known[start:stop, best]
+        changes = np.flatnonzero((seen[1:] != seen[:-1]).any(axis=1)) + 1
+        edges = np.concatenate([[0], changes, [stop - start]])
+        found: list[tuple[int, int]] = []
+        common = np.zeros(len(best), dtype=bool)
+        for first, last in pairwise(edges.tolist()):
+            here = seen[first]
+            shared = common & here
+            least = POOREST * max(weights[best] @ common, weights[best] @ here)
+            if found and weights[best] @ shared >= least:
+                found[-1], common = (found[-1][0], start + last), shared
+            else:
+                found.append((start + first, start + last))
+                common = here
+        return found
+
+
+class Piece:
+    """Frames start to stop of a gap of one marker, with the evidence that is seen in all of them."""
+
+    def __init__(self, scene: Scene, marker: int, start: int, stop: int) -> None:
+        self.scene, self.marker, self.start, self.stop = scene, marker, start, stop
+        weights = np.where(scene.known[start:stop].all(axis=0), scene.rigidity(marker), 0.0)
+        order = np.argsort(-weights, kind="stable")[: max(view.n_features for view in VIEWS)]
+        self.evidence = order[weights[order] > 0.0]
+        self.seen = scene.known[:, marker]
+        sd = scene.sd[:, marker]
+        own = np.square(sd[start:stop]).mean()
+        self.surer = ~self.seen & (np.square(sd) <= SURER * own)
+        self.surer[start:stop] = False
+
+    def fill(self) -> tuple[Floats, Floats]:
+        """Positions (L, 3) and SD (L,); NaN where there is no evidence."""
+        n = self.stop - self.start
+        if not len(self.evidence) or np.count_nonzero(self.seen) < FEWEST:
+            return np.full((n, 3), np.nan), np.full(n, np.nan)
+        layout = self.layout()
+        bridges = Bridges(layout, self.scene.rate)
+        hidden = layout.hidden(MARGIN)
+        frames = layout.frames
+        points = self.scene.positions[frames][:, self.evidence]
+        target = self.scene.positions[frames, self.marker]
+        found = [self.look(view, layout, bridges, hidden, points, target) for view in self.views()]
+        return combine(found, layout, self.scene.params)
+
+    def views(self) -> list[View]:
+        """The views that the evidence allows, each kind once."""
+        n = len(self.evidence)
+        usable = [View(min(v.n_framing, n), min(v.n_features, n), v.looseness) for v in VIEWS]
+        return list(dict.fromkeys(view for view in usable if view.n_framing == 0 or n >= 3))
+
+    def look(
+        self, view: View, layout: Layout, bridges: Bridges, hidden: Bools, points: Floats, target: Floats
+    ) -> Kriged:
+        """One view's answer, in the coordinates of the world."""
+        scene = self.scene
+        chosen = self.evidence[: view.n_features]
+        if view.n_framing:
+            framing = scene.rigidity(self.marker, view.looseness)[chosen[: view.n_framing]]
+            frames = segment_frames(points[:, : view.n_framing], framing, len(layout.learnt))
+            loose = max(FEATURE_LOOSENESS, view.looseness) * scene.params.rigidity
+            scales = 1.0 / np.sqrt(scene.variance[self.marker, chosen] + loose**2)
+        else:
+            origins = points[:, : view.n_features].mean(axis=1)
+            frames = BodyFrames(np.broadcast_to(np.eye(3), (len(points), 3, 3)), origins)
+            scales = 1.0 / (scene.mean[self.marker, chosen] + REACH_RATIO * scene.params.rigidity)
+        local = frames.to_local(points[:, : view.n_features]) * scales[:, None]
+        own = frames.to_local(target[:, None])[:, 0]
+        answer = krige(local.reshape(len(points), -1), own, layout, bridges, hidden, scene.params.noise**2)
+        _, windows, _, gap = layout.parts
+        turned = frames.axes[windows].reshape(*layout.windows.shape, 3, 3)[:, : len(layout.inside)]
+        return Kriged(
+            values=np.einsum("nij,ni->nj", frames.axes[gap], answer.values) + frames.origins[gap],
+            misses=np.einsum("wmij,wmi->wmj", turned, answer.misses),
+            shape=answer.shape,
+            window_shape=answer.window_shape,
+        )
+
+    def layout(self) -> Layout:
+        """What is learnt from and tried on, where possible from frames in which all evidence is known."""
+        scene, n_frames = self.scene, len(self.seen)
+        weights = scene.rigidity(self.marker)[self.evidence]
+        lacking = ~scene.learnable[:, self.evidence] @ (weights / weights.sum())
+        reach = max(1, round(SIDE * scene.rate))
+        around = np.arange(max(0, self.start - reach), min(n_frames, self.stop + reach))
+        sides = around[self.seen[around] | self.surer[around]]
+        before, after = bool((sides < self.start).any()), bool((sides >= self.stop).any())
+        starts, length = self.starts(lacking, before, after)
+        inside, beside = window_offsets(length, scene.rate, before, after, N_INSIDE)
+        places = starts[:, None] + np.append(inside, beside)
+        frames = np.clip(places, 0, n_frames - 1)
+        return Layout(
+            learnt=self.learnt(lacking),
+            windows=frames,
+            inside=inside,
+            beside=beside,
+            beside_known=((frames == places) & self.seen[frames])[:, len(inside) :],
+            sides=sides,
+            gap=np.arange(self.start, self.stop),
+        )
+
+    def learnt(self, lacking: Floats) -> Ints:
+        """Frames to learn from, those that lack (F,) nothing alone if they are enough."""
+        known = np.flatnonzero(self.seen)
+        whole = known[lacking[known] <= 0.0]
+        if len(whole) < min(self.scene.params.learnt, len(known) / 2):
+            least_lacking = known[np.argsort(lacking[known], kind="stable")]
+            whole = np.sort(least_lacking[: max(int(MOST_LEARNT * len(known)), FEWEST)])
+            self.scene.contaminated |= bool(lacking[whole].mean() > CLEAN)
+        return spread_out(whole, self.scene.params.learnt, 1)
+
+    def starts(self, lacking: Floats, before: bool, after: bool) -> tuple[Ints, int]:
+        """First frames of the windows and their length: that of the piece, or less where 3 do not fit."""
+        length = self.stop - self.start
+        edge = max(1, round(NEAR * self.scene.rate / 120.0))
+        unseen, lack = np.append(0, np.cumsum(~self.seen)), np.append(0.0, np.cumsum(lacking))
+        found = np.zeros(0, dtype=np.intp)
+        while self.scene.params.windows and length >= 1:
+            first = np.arange(edge * before, len(self.seen) - length - edge * after + 1)
+            whole = unseen[first + length + edge * after] == unseen[first - edge * before]
+            first = first[whole]
+            mean = (lack[first + length] - lack[first]) / length
+            least = np.sort(mean)[: 2 * length][-1:]
+            found = first[mean <= max(MOST_LACKING, *least)] if len(first) else first
+            found = spread_out(found, self.scene.params.windows, max(int(APART * length), 5))
+            if len(found) >= 3:
+                break
+            length //= 2
+        return found, max(length, 1)
+
+
+def combine(answers: list[Kriged], layout: Layout, params: Params) -> tuple[Floats, Floats]:
+    """The stacked answer (L, 3) and its SD (L,) per coordinate, mm."""
+    values = np.stack([answer.values for answer in answers])
+    misses = np.stack([answer.misses for answer in answers])
+    weights = stacking_weights(misses.reshape(len(answers), -1), params.shrinkage)
+    stacked = np.tensordot(weights, values, axes=1)
+    apart = np.square(values - stacked).mean(axis=(0, 2))
+    floor = params.noise**2
+    if not misses.size:
+        return stacked, np.sqrt(floor + BLIND * apart)
+    missed = np.tensordot(weights, misses, axes=1)
+    usual = float(np.square(misses - missed).mean())
+    shape = sum(w * answer.shape for w, answer in zip(weights, answers, strict=True))
+    window_shape = sum(w * answer.window_shape for w, answer in zip(weights, answers, strict=True))
+    size = float(np.square(missed).mean()) / float(window_shape.mean())
+    longer = len(layout.gap) / (layout.inside[-1] + 1)
+    unusual = np.maximum((float(apart.mean()) + floor) / (usual + floor), 1.0) ** DISAGREEMENT
+    return stacked, np.sqrt(floor + CAUTION * size * shape * longer * unusual)
+
+
+def stiff_bones(take: Take, largest: float) -> tuple[Ints, Floats, Floats]:
+    """Columns of the ends (E, 2), lengths (E,) and their SD (E,): the skeleton's bones and the stiffest rigid pairs."""
+    columns = {name: column for column, name in enumerate(take.markers)}
+    known = known_bones(take.markers, take.skeleton) if take.skeleton else ()
+    measured = [bone for bone in rigid_pairs(take) if bone.spread <= largest]
+    bones = {frozenset((bone.start, bone.end)): bone for bone in (*measured, *known)}.values()
+    ends = np.array([(columns[bone.start], columns[bone.end]) for bone in bones], dtype=np.intp).reshape(-1, 2)
+    return ends, np.array([bone.length for bone in bones]), np.array([bone.spread for bone in bones])
+
+
+def distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
+    """Mean and variance (M, M) of the distances of markers, over up to 300 frames in which both are trusted.
+
+    Infinite where they are seen together in fewer than 10 of these frames, or a quarter of fewer frames.
+    """
+    frames = spread_out(np.arange(len(trusted)), N_SAMPLED, 1)
+    seen = trusted[frames]
+    both = seen[:, :, None] & seen[:, None]
+    apart = np.linalg.norm(positions[frames][:, :, None] - positions[frames][:, None], axis=3)
+    count = both.sum(axis=0)
+    mean = np.sum(apart, axis=0, where=both) / np.maximum(count, 1)
+    variance = np.sum(np.square(apart - mean), axis=0, where=both) / np.maximum(count, 1)
+    rare = count < min(10, len(frames) / 4)
+    mean[rare], variance[rare] = np.inf, np.inf
+    return mean, variance
+
+
+def join(track: Floats, pieces: list[tuple[int, int]], rate: float) -> None:
+    """Share out the steps between pieces of a track (F, 3), in place, over a sixth of a second on both sides."""
+    width = max(1.0, JOINT * rate)
+    steps = [(edge, track[edge] - 2.0 * track[edge - 1] + track[max(edge - 2, 0)]) for _, edge in pieces[:-1]]
+    for (start, _), (_, stop), (edge, step) in zip(pieces[:-1], pieces[1:], steps, strict=True):
+        before, after = np.arange(start, edge), np.arange(edge, stop)
+        track[before] += 0.5 * step * np.exp(-(edge - 1 - before) / width)[:, None]
+        track[after] -= 0.5 * step * np.exp(-(after - edge) / width)[:, None]

@@ -1,0 +1,54 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
+
+from mocapclean.numerics.short_gaps import bridge_short
+
+
+def wave(n_frames: int = 300) -> np.ndarray:
+    t = np.arange(n_frames)[:, None, None] / 120.0
+    return 200 * np.sin(2 * np.pi * t * np.array([[0.7, 1.1, 1.9]]) + np.array([[0.0], [1.0]])[None])
+
+
+def test_lines_are_kept_exactly():
+    track = np.arange(60.0)[:, None, None] * np.array([[[3.0, -2.0, 0.5]]])
+    trusted = np.ones((60, 1), dtype=bool)
+    trusted[20:24] = trusted[:3] = trusted[-2:] = False
+    filled, sd = bridge_short(np.where(trusted[..., None], track, 0.0), trusted, 5, 120.0)
+    assert np.abs(filled - track).max() < 1e-6
+    assert np.isfinite(sd[~trusted]).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 10**6), length=st.integers(1, 5))
+def test_smooth_motion_is_better_than_by_a_cubic_spline(seed, length):
+    truth = wave()
+    trusted = np.ones(truth.shape[:2], dtype=bool)
+    start = int(np.random.default_rng(seed).integers(30, 260))
+    trusted[start : start + length, 0] = False
+    filled, sd = bridge_short(np.where(trusted[..., None], truth, 0.0), trusted, 5, 120.0)
+    known = np.flatnonzero(trusted[:, 0])
+    spline = CubicSpline(known, truth[known, 0])(np.arange(start, start + length))
+    own = np.abs(filled[start : start + length, 0] - truth[start : start + length, 0]).max()
+    assert own <= np.abs(spline - truth[start : start + length, 0]).max() + 1e-3
+    assert np.isnan(sd[:, 1]).all()
+
+
+def test_the_sd_is_that_of_the_noise(rng):
+    truth = wave(2000)
+    noisy = truth + rng.normal(size=truth.shape)
+    trusted = np.ones(truth.shape[:2], dtype=bool)
+    trusted[50:1950:40] = False
+    filled, sd = bridge_short(np.where(trusted[..., None], noisy, 0.0), trusted, 5, 120.0)
+    miss = (filled - noisy)[~trusted] / sd[~trusted][:, None]
+    assert 0.8 < np.sqrt(np.mean(miss**2)) < 1.25
+
+
+@pytest.mark.parametrize("n_frames", [1, 5, 11])
+def test_too_little_is_left(n_frames):
+    trusted = np.ones((n_frames, 1), dtype=bool)
+    trusted[n_frames // 2] = False
+    _, sd = bridge_short(np.zeros((n_frames, 1, 3)), trusted, 5, 120.0)
+    assert np.isnan(sd).all()

@@ -1,0 +1,140 @@
+import numpy as np
+import pytest
+
+from mocapclean.numerics.evidence import fillable
+from mocapclean.records import Take
+from mocapclean.simulate import block_loss, hide, occlude
+from mocapclean.solvers import spline
+from mocapclean.solvers.kriging import Params, Scene, join, solve
+
+RATE = 120.0
+
+
+def body(n_frames: int = 600, noise: float = 0.0, seed: int = 0) -> np.ndarray:
+    """(F, 15, 3) mm: three segments of five markers, chained by turning joints, that travel and turn."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(n_frames) / RATE
+    place = np.stack([900 * np.sin(0.7 * t), 700 * np.cos(0.5 * t), 900 + 30 * np.sin(6 * t)], axis=1)
+    heading = 0.9 * t + 0.4 * np.sin(2 * t)
+    parts = []
+    for segment in range(3):
+        cos, sin = np.cos(heading), np.sin(heading)
+        axes = np.stack([np.stack([cos, -sin, 0 * t], 1), np.stack([sin, cos, 0 * t], 1)], axis=1)
+        axes = np.concatenate([axes, np.broadcast_to([[[0.0, 0, 1]]], (n_frames, 1, 3))], axis=1)
+        local = rng.normal(size=(5, 3)) * 80
+        parts.append(place[:, None] + np.einsum("fij,mj->fmi", axes, local))
+        place = place + np.einsum("fij,j->fi", axes, [250.0, 0, -150])
+        heading = heading + 0.8 * np.sin((2.1 + segment) * t)
+    return np.concatenate(parts, axis=1) + noise * rng.normal(size=(n_frames, 15, 3))
+
+
+def take_of(positions: np.ndarray, missing: np.ndarray | None = None) -> Take:
+    names = tuple(f"m{k}" for k in range(positions.shape[1]))
+    take = Take(positions=positions, trusted=np.ones(positions.shape[:2], bool), markers=names, rate=RATE)
+    return take if missing is None else hide(take, missing)
+
+
+def missing_of(spans: list[tuple[int, int, int]], n_frames: int = 600) -> np.ndarray:
+    missing = np.zeros((n_frames, 15), dtype=bool)
+    for marker, start, stop in spans:
+        missing[start:stop, marker] = True
+    return missing
+
+
+def rms(differences: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(differences**2)))
+
+
+def test_a_marker_of_a_rigid_segment_comes_back_to_its_noise():
+    truth = body(noise=0.3)
+    missing = missing_of([(1, 100, 220), (8, 300, 360)])
+    solution = solve(take_of(truth, missing), Params())
+    assert rms((solution.positions - truth)[missing]) < 0.5
+    assert 0.5 < rms((solution.positions - truth)[missing] / solution.sd[missing][:, None]) < 1.5
+
+
+def test_a_whole_segment_lost_is_bridged_and_told_to_be_unsure():
+    truth = body()
+    missing = missing_of([(k, 200, 230) for k in range(10, 15)])
+    alone = missing_of([(12, 200, 230)])
+    solution = solve(take_of(truth, missing), Params())
+    assert solution.filled[missing].all()
+    assert rms((solution.positions - truth)[missing]) < rms(
+        (spline.solve(take_of(truth, missing), spline.Params()).positions - truth)[missing]
+    )
+    assert solution.sd[missing].mean() > 3 * solve(take_of(truth, alone), Params()).sd[alone].mean()
+
+
+@pytest.mark.parametrize("span", [(0, 40), (560, 600)])
+def test_the_ends_are_filled_and_the_error_bar_widens_outward(span):
+    truth = body(noise=0.2)
+    missing = missing_of([(3, *span)])
+    solution = solve(take_of(truth, missing), Params())
+    assert rms((solution.positions - truth)[missing]) < 1.0
+    outward = solution.sd[slice(*span), 3]
+    outward = outward if span[0] else outward[::-1]
+    assert outward[-1] > outward[0]
+
+
+def test_gaps_are_met_without_a_step():
+    truth = body()
+    missing = missing_of([(1, 100, 190), (6, 240, 300), (7, 250, 330)])
+    positions = np.where(missing[..., None], solve(take_of(truth, missing), Params()).positions, truth)
+    steps = np.abs(np.diff(positions, n=2, axis=0)).max()
+    assert steps < np.abs(np.diff(truth, n=2, axis=0)).max() + 0.5
+
+
+def test_error_bars_hold_what_they_promise():
+    held = []
+    for seed in range(4):
+        truth = body(noise=0.5, seed=seed)
+        missing = occlude(take_of(truth), np.random.default_rng(seed), 0.08)
+        solution = solve(take_of(truth, missing), Params())
+        held.append(np.abs(solution.positions - truth)[missing] < 1.645 * solution.sd[missing][:, None])
+    assert 0.8 < np.concatenate(held).mean() < 0.98
+
+
+def test_rigid_pairs_hold():
+    truth = body()
+    length = np.linalg.norm(truth[0, 1] - truth[0, 0])
+    missing = block_loss(600, 15, 60, 3, np.random.default_rng(1))
+    solution = solve(take_of(truth, missing), Params(bone_spread=0.05))
+    filled = np.where(missing[..., None], solution.positions, truth)
+    stretch = np.linalg.norm(filled[:, 1] - filled[:, 0], axis=1) - length
+    assert np.abs(stretch).max() < 0.05
+
+
+def test_pieces_split_where_good_evidence_goes():
+    missing = missing_of([(1, 100, 200), *((k, 150, 200) for k in (0, 2, 3, 4))])
+    scene = Scene(take_of(body(), missing), Params())
+    assert scene.pieces(1, 100, 200) == [(100, 150), (150, 200)]
+    solution = solve(take_of(body(), missing), Params())
+    assert solution.filled[missing].all()
+
+
+def test_join_shares_a_step_out():
+    track = np.zeros((40, 3))
+    track[20:] = 8.0
+    join(track, [(0, 20), (20, 40)], RATE)
+    assert np.abs(np.diff(track, axis=0)).max() < 1.0
+    assert np.abs(track[0]).max() < 1.0
+
+
+def test_two_people_do_not_disturb_each_other():
+    one, other = body(seed=1), body(seed=2)[::-1] + np.array([4000.0, 0, 0])
+    missing = missing_of([(1, 100, 220)])
+    both = np.concatenate([one, other], axis=1)
+    wide = np.concatenate([missing, np.zeros_like(missing)], axis=1)
+    alone = solve(take_of(one, missing), Params())
+    together = solve(take_of(both, wide), Params())
+    assert rms((together.positions[:, :15] - one)[missing]) < rms((alone.positions - one)[missing]) + 0.5
+
+
+def test_random_loss_is_filled_everywhere(rng):
+    truth = body(300)
+    missing = rng.random((300, 15)) < 0.4
+    take = take_of(truth, missing)
+    solution = solve(take, Params(passes=1))
+    assert np.array_equal(solution.filled, fillable(take.trusted))
+    assert rms((solution.positions - truth)[solution.filled]) < 1.0
+    assert solution.facts["passes"] == 1
