@@ -9,10 +9,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
+    ByteSize,
     ConfigDict,
     Field,
     PositiveFloat,
     PositiveInt,
+    TypeAdapter,
     ValidationError,
     create_model,
 )
@@ -34,6 +37,11 @@ MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 _SECTION = ConfigDict(**STRICT, frozen=True)
 _PATHS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report", "sidecar")
 
+_NO_MATTER = {
+    *("output", "out_dir", "sidecar", "overwrite", "report", "include_files", "exclude_files", "quiet", "verbose"),
+    *("workers", "timeout", "memory", "scheduler"),
+}
+
 
 def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
     """A section with one key for each module, holding the module's ``Params``."""
@@ -41,6 +49,13 @@ def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
         key: (module.Params, Field(default_factory=module.Params)) for key, module in modules.items()
     }
     return create_model(name, __config__=_SECTION, **keys)
+
+
+def _bytes(value: Any) -> int:
+    try:
+        return TypeAdapter(ByteSize).validate_python(value)
+    except ValidationError:
+        raise ValueError("a number of bytes, or one with a unit such as 512MB or 2GiB") from None
 
 
 Methods = _section("Methods", SOLVERS)
@@ -114,6 +129,14 @@ class Settings(BaseModel):
     sidecar: Path | None = Field(default=None, description="arrays as .npz: a file for one input, or a folder")
     overwrite: bool = Field(default=False, description="replace outputs that exist")
     report: bool | Path = Field(default=True, description="where the report goes, or false for none")
+    workers: PositiveInt | Literal["auto"] = Field(default=1, description="takes at a time; auto: one per processor")
+    timeout: PositiveFloat | None = Field(default=None, description="seconds that one take may need")
+    memory: Annotated[PositiveInt, BeforeValidator(_bytes)] | None = Field(
+        default=None, description="memory that one take may need: bytes, or with a unit such as 2GiB"
+    )
+    scheduler: str | None = Field(default=None, description="address of a Dask cluster that does the work")
+    include_files: tuple[str, ...] = Field(default=(), description="only files that match; wildcards allowed")
+    exclude_files: tuple[str, ...] = Field(default=(), description="no files that match; wildcards allowed")
     quiet: bool = Field(default=False, description="print nothing but errors")
     verbose: bool = Field(default=False, description="print every gap, bone and finding")
 
@@ -127,6 +150,11 @@ class Settings(BaseModel):
         """The trust rules to run, by name."""
         names = RULES if self.detect else ("missing",)
         return {name: getattr(self.trust, name) for name in names}
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What decides how a take is repaired, as JSON values; not where the result goes or who does the work."""
+        return self.model_dump(mode="json", exclude=_NO_MATTER)
 
     @property
     def unit_mm(self) -> float | None:

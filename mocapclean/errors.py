@@ -23,6 +23,10 @@ class SolverError(MocapcleanError):
     """A method cannot answer for this take."""
 
 
+class WorkerError(MocapcleanError):
+    """The process that worked at a take was lost: it died, took too long or needed too much."""
+
+
 class FormatError(MocapcleanError):
     """A file is not what its format allows, or cannot hold what it should.
 

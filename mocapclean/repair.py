@@ -1,7 +1,8 @@
 """Repair one take: read, detect, solve, merge, write, verify, and say what happened."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from difflib import get_close_matches
 from fnmatch import fnmatchcase
@@ -87,27 +88,38 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     written = formats.write(
         _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )
-    after = written.select(_columns(take, play))
-    if arrays:
-        sidecar.save(arrays, play, after, sd, settings.method)
-    outcome = account(play, merged, after, wanted, settings, sd)
-    if truth is not None:
-        outcome = judge(outcome, after, truth)
-    return replace(
-        outcome,
-        source=source,
-        output=output,
-        sidecar=arrays,
-        format=_format(take),
-        source_sha256=digest(source),
-        output_sha256=digest(output),
-        method=settings.method,
-        choice=choice,
-        parameters=asdict(settings.params),
-        solution=_facts(solution),
-        self_check=checked,
-        reference=settings.reference,
-    )
+    with _or_nothing(output):
+        after = written.select(_columns(take, play))
+        if arrays:
+            sidecar.save(arrays, play, after, sd, settings.method)
+        outcome = account(play, merged, after, wanted, settings, sd)
+        if truth is not None:
+            outcome = judge(outcome, after, truth)
+        return replace(
+            outcome,
+            source=source,
+            output=output,
+            sidecar=arrays,
+            format=_format(take),
+            source_sha256=digest(source),
+            output_sha256=digest(output),
+            method=settings.method,
+            choice=choice,
+            parameters=asdict(settings.params),
+            solution=_facts(solution),
+            self_check=checked,
+            reference=settings.reference,
+        )
+
+
+@contextmanager
+def _or_nothing(output: Path) -> Iterator[None]:
+    """Take a written output away again when what follows fails, for then its take has failed."""
+    try:
+        yield
+    except BaseException:
+        output.unlink(missing_ok=True)
+        raise
 
 
 def _settled(

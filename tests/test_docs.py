@@ -66,9 +66,13 @@ def test_links_lead_somewhere():
             assert (document.parent / target).exists(), f"{document.name}: {target}"
 
 
+CALL = {"files", "config", "assignments", "no_report", "as_json", "resume"}
+CALL |= {"files_from", "null", "relative_to", "shard"}
+
+
 def test_every_option_is_a_configuration_key():
     command = cli.get_command(None, "fill")
-    names = {parameter.name for parameter in command.params} - {"files", "config", "assignments", "no_report"}
+    names = {parameter.name for parameter in command.params} - CALL
     assert names == set(Settings.model_fields) - {"methods", "trust", "grades", "hiding", "auto"}
 
 

@@ -11,6 +11,7 @@ ROOT = Path(mocapclean.__file__).parent
 ORDER = (
     "__main__",
     "cli",
+    "batch",
     "repair",
     "choosing",
     "account",

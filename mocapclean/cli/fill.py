@@ -1,24 +1,33 @@
 """``mocapclean fill``: repair takes, write them and their reports."""
 
+import contextlib
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO
 
 import click
 from tqdm import tqdm
 
-from mocapclean.cli.guard import complain, guarded
-from mocapclean.cli.options import FILE, distinct, reading, settings
+from mocapclean.batch.journal import Journal, earlier
+from mocapclean.batch.plan import make_folders, plan, report_name
+from mocapclean.batch.pool import run
+from mocapclean.batch.repairing import Done, Job, Repair, failed
+from mocapclean.cli.batching import batching, limits, select, stopping
+from mocapclean.cli.guard import INTERRUPTED, complain, guarded
+from mocapclean.cli.options import FILE, reading, settings
 from mocapclean.config import Settings
-from mocapclean.errors import UsageError
-from mocapclean.formats import check_output, new_file
+from mocapclean.errors import MocapcleanError, UsageError
+from mocapclean.formats import new_file
 from mocapclean.records import Outcome
-from mocapclean.repair import repair
-from mocapclean.report.record import record, to_json
-from mocapclean.report.text import summary
+from mocapclean.report import record
+from mocapclean.report.text import totals
 
 
 @click.command("fill")
-@click.argument("files", nargs=-1, required=True, type=FILE)
+@click.argument("files", nargs=-1, type=FILE, metavar="[FILES]...")
 @click.option("-o", "--output", type=FILE, help="The repaired file, for one input; same format as the input.")
 @click.option("--out-dir", type=FILE, help="Folder for the repaired files, under their own names.")
 @click.option("--overwrite/--no-overwrite", default=None, help="Replace outputs that exist.")
@@ -37,6 +46,9 @@ from mocapclean.report.text import summary
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("-q", "--quiet/--no-quiet", default=None, help="Print nothing but errors.")
 @click.option("-v", "--verbose/--no-verbose", default=None, help="Print every gap and finding.")
+@click.option("--resume", is_flag=True, help="Skip what an earlier run into --out-dir has done, and is still so.")
+@click.option("--json", "as_json", is_flag=True, help="Print each take's row of the report, one a line, as it is done.")
+@batching
 @reading
 @guarded
 def command(
@@ -44,103 +56,113 @@ def command(
     config: Path | None,
     assignments: tuple[str, ...],
     no_report: bool,
+    files_from: BinaryIO | None,
+    null: bool,
+    relative_to: Path | None,
+    shard: tuple[int, int] | None,
+    resume: bool,
+    as_json: bool,
     **options: Any,
 ) -> int:
     """Fill what cannot be trusted in FILES (.c3d, .bvh, .amc) and change nothing else.
 
-    Writes take_filled.c3d and take_filled.report.json beside take.c3d unless told otherwise.
+    Writes take_filled.c3d and take_filled.report.json beside take.c3d unless told otherwise. FILES may be folders:
+    every take in them, and the same tree under --out-dir.
     """
     if no_report:
         options["report"] = False
     chosen = settings(config, assignments, options)
-    jobs = plan(distinct(files), chosen, config)
-    outcomes = []
-    for job in tqdm(jobs, unit="take", disable=None if len(jobs) > 1 and not chosen.quiet else True):
-        outcome = repair(job.source, job.output, chosen, job.sidecar)
-        outcomes.append(outcome)
-        if job.report and outcome.status != "failed":
-            _write_report(job.report, [outcome], chosen)
-        _tell(outcome, chosen, job)
+    if (resume or shard) and not chosen.out_dir:
+        raise UsageError("--resume and --shard need --out-dir.")
+    inputs = select(files, files_from, null, relative_to, chosen)
+    known = earlier(chosen.out_dir) if resume and chosen.out_dir else {}
+    kept = [chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config]
+    jobs = plan(inputs, chosen, filter(None, kept), known, shard)
+    make_folders(jobs, chosen.out_dir)
+    with stopping() as stop, _journal(chosen, shard) as journal:
+        names = [
+            *(job.name for job in jobs),
+            *([report_name(chosen.report)] if isinstance(chosen.report, Path) else []),
+        ]
+        journal.begin([name for name in names if name not in known])
+        with contextlib.closing(run(Repair(chosen), jobs, limits(chosen), stop)) as answers:
+            n_earlier = _follow(answers, jobs, journal, chosen, as_json)
+        code = _conclude(jobs, journal, chosen, as_json, n_earlier)
+    if journal.fault:
+        complain(f"{journal.fault} The report is complete, but --resume will not know of all takes.")
+    if stop.signal:
+        complain(INTERRUPTED)
+    return 128 + stop.signal if stop.signal else code
+
+
+@contextlib.contextmanager
+def _journal(chosen: Settings, shard: tuple[int, int] | None) -> Iterator[Journal]:
+    """The journal in the output folder, for each shard its own; without one, somewhere for as long as the run."""
+    name = "journal-{}-of-{}".format(*shard) if shard else "journal"
+    with contextlib.ExitStack() as stack:
+        folder = chosen.out_dir or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mocapclean-")))
+        yield stack.enter_context(Journal(folder, name))
+
+
+def _follow(
+    answers: Iterable[tuple[Job, Done | MocapcleanError]],
+    jobs: list[Job],
+    journal: Journal,
+    chosen: Settings,
+    as_json: bool,
+) -> int:
+    """Keep and tell each answer as it comes; how many takes an earlier run had done."""
+    n_failed = n_earlier = 0
+    with tqdm(total=len(jobs), unit="take", disable=None if len(jobs) > 1 and not chosen.quiet else True) as bar:
+        for job, answer in answers:
+            if isinstance(answer, MocapcleanError):
+                answer = Done(take=record.row(failed(job, str(answer))))
+            if answer.take is None:
+                assert job.before is not None
+                journal.take_over(job.name, job.before)
+                n_earlier += 1
+            else:
+                journal.add(job.name, answer.key, answer.take)
+            row = _row(job, journal)
+            n_failed += row["status"] == "failed"
+            with tqdm.external_write_mode():
+                _tell(row, answer, chosen, as_json)
+            bar.set_postfix_str(f"{n_failed} failed", refresh=False)
+            bar.update()
+    return n_earlier
+
+
+def _tell(row: Mapping[str, Any], answer: Done, chosen: Settings, as_json: bool) -> None:
+    if row["error"]:
+        complain(row["error"] if row["status"] == "failed" else f"{row['source']}: {row['error']}")
+    if as_json:
+        click.echo(json.dumps(row, allow_nan=False))
+    elif answer.text and row["status"] != "failed" and not chosen.quiet:
+        click.echo(answer.text)
+
+
+def _row(job: Job, journal: Journal) -> Mapping[str, Any]:
+    """The one row of a take: what was journaled, under its present names, or that it was not done."""
+    row = journal.row(job.name)
+    if row is None:
+        error = f"{job.source}: not begun, or dropped: the run was interrupted."
+        return record.row(Outcome(source=job.source, status="skipped", error=error, exit_code=1))
+    return {**row, "source": str(job.source), "output": row["output"] and str(job.output)}
+
+
+def _conclude(jobs: list[Job], journal: Journal, chosen: Settings, as_json: bool, n_earlier: int) -> int:
+    """Write the report of the run, say how it went, and return the exit code."""
     if isinstance(chosen.report, Path):
-        _write_report(chosen.report, outcomes, chosen)
-    return max(outcome.exit_code for outcome in outcomes)
-
-
-class Job(NamedTuple):
-    """An input and what it will be written to; report: its own one, if it has one."""
-
-    source: Path
-    output: Path
-    sidecar: Path | None
-    report: Path | None
-
-    @property
-    def targets(self) -> list[Path]:
-        """All files that this job writes."""
-        return [path for path in (self.output, self.sidecar, self.report) if path]
-
-
-def plan(files: tuple[Path, ...], chosen: Settings, config: Path | None) -> list[Job]:
-    """The jobs, or a UsageError before anything is written that would lose a file."""
-    if chosen.output and (len(files) > 1 or chosen.out_dir):
-        raise UsageError("--output takes one input and no --out-dir. Use --out-dir for several.")
-    jobs = [_job(source, chosen, alone=len(files) == 1) for source in files]
-    targets = [target for job in jobs for target in job.targets]
-    if isinstance(chosen.report, Path):
-        targets.append(chosen.report)
-    named = [path for path in (chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config) if path]
-    for index, target in enumerate(targets):
-        if target in targets[:index]:
-            raise UsageError(f"{target}: two results would have this name. Use different names or folders.")
-        for kept in (*files, *named):
-            check_output(target, kept, True)
-        check_output(target, None, chosen.overwrite)
-    folders = [chosen.out_dir, *(job.sidecar.parent for job in jobs if job.sidecar)]
-    for folder in dict.fromkeys(folders):
-        if folder:
-            _make(folder)
-    return jobs
-
-
-def _job(source: Path, chosen: Settings, *, alone: bool) -> Job:
-    """One input's outputs; ``alone``: whether it is the only one."""
-    output = chosen.output or _default_output(source, chosen)
-    if chosen.output and output.suffix.lower() != source.suffix.lower():
-        raise UsageError(f"{output}: the output must have the input's format, {source.suffix}.")
-    sidecar = chosen.sidecar
-    if sidecar and sidecar.suffix not in ("", ".npz") and not sidecar.is_dir():
-        raise UsageError(f"{sidecar}: --sidecar must be an .npz file, or a folder.")
-    if sidecar and sidecar.suffix == ".npz" and not alone:
-        raise UsageError(f"{sidecar}: --sidecar takes a folder for several inputs.")
-    if sidecar and sidecar.suffix != ".npz":
-        sidecar = sidecar / f"{source.stem}.npz"
-    report = output.with_suffix(".report.json") if chosen.report is True else None
-    return Job(source, output, sidecar, report)
-
-
-def _default_output(source: Path, chosen: Settings) -> Path:
-    if chosen.out_dir:
-        return chosen.out_dir / source.name
-    return source.with_name(f"{source.stem}_filled{source.suffix}")
-
-
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise UsageError(f"{folder}: the folder cannot be made: {fault.strerror}.") from None
-
-
-def _write_report(path: Path, outcomes: list[Outcome], chosen: Settings) -> None:
-    with new_file(path) as part:
-        part.write_text(to_json(record(outcomes, chosen.model_dump(mode="json"))), encoding="utf-8")
-
-
-def _tell(outcome: Outcome, chosen: Settings, job: Job) -> None:
-    if outcome.error:
-        complain(outcome.error if outcome.status == "failed" else f"{outcome.source}: {outcome.error}")
-    if chosen.quiet or outcome.status == "failed":
-        return
-    report = chosen.report if isinstance(chosen.report, Path) else job.report
-    with tqdm.external_write_mode():
-        click.echo(summary(outcome, verbose=chosen.verbose, report=report))
+        with new_file(chosen.report) as part:
+            record.write(part, (_row(job, journal) for job in jobs), chosen.model_dump(mode="json"))
+    counts: Counter[str] = Counter()
+    code = 0
+    for job in jobs:
+        row = _row(job, journal)
+        code = max(code, row["exit_code"])
+        counts[row["status"]] += 1
+        if as_json and row["status"] == "skipped":
+            click.echo(json.dumps(row, allow_nan=False))
+    if len(jobs) != 1 and not chosen.quiet and not as_json:
+        click.echo(totals(counts, n_earlier, chosen.report if isinstance(chosen.report, Path) else None))
+    return code

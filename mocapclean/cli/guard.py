@@ -10,9 +10,12 @@ from typing import NoReturn, ParamSpec
 
 import click
 
-from mocapclean.errors import MocapcleanError
+from mocapclean.errors import ConfigError, MocapcleanError
+from mocapclean.report.text import printable
 
 P = ParamSpec("P")
+
+INTERRUPTED = "interrupted; files not finished are not there."
 
 
 def guarded(command: Callable[P, int]) -> Callable[P, NoReturn]:
@@ -25,11 +28,11 @@ def guarded(command: Callable[P, int]) -> Callable[P, NoReturn]:
             code = command(*args, **kwargs)
             sys.stdout.flush()
         except MocapcleanError as fault:
-            complain(str(fault))
+            complain(*_sentences(fault))
             code = fault.exit_code
-        except KeyboardInterrupt:
-            complain("interrupted; files not finished are not there.")
-            code = 130
+        except KeyboardInterrupt as stop:
+            complain(INTERRUPTED)
+            code = 128 + (stop.args[0] if stop.args else signal.SIGINT)
         except BrokenPipeError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
@@ -38,11 +41,16 @@ def guarded(command: Callable[P, int]) -> Callable[P, NoReturn]:
     return run
 
 
-def complain(message: str) -> None:
-    """Say on standard error what is wrong."""
-    for line in message.splitlines():
-        click.echo(f"mocapclean: {line}", err=True)
+def complain(*sentences: str) -> None:
+    """Say on standard error what is wrong, each in a line of its own."""
+    for sentence in sentences:
+        click.echo(f"mocapclean: {printable(sentence)}", err=True)
+
+
+def _sentences(fault: MocapcleanError) -> list[str]:
+    """What an error says; only that of a configuration has several things to say."""
+    return str(fault).split("\n") if isinstance(fault, ConfigError) else [str(fault)]
 
 
 def _stop(signum: int, frame: FrameType | None) -> NoReturn:
-    raise KeyboardInterrupt
+    raise KeyboardInterrupt(signum)

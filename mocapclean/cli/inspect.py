@@ -10,7 +10,7 @@ from mocapclean.cli.options import FILE, distinct, reading, settings
 from mocapclean.errors import MocapcleanError
 from mocapclean.records import Outcome
 from mocapclean.repair import inspect
-from mocapclean.report.record import record, to_json
+from mocapclean.report import record
 from mocapclean.report.text import inspection
 
 
@@ -37,5 +37,6 @@ def command(
         if not as_json and outcome.status != "failed":
             click.echo(inspection(outcome, verbose=chosen.verbose))
     if as_json:
-        click.echo(to_json(record(outcomes, chosen.model_dump(mode="json"))), nl=False)
+        for piece in record.text(map(record.row, outcomes), chosen.model_dump(mode="json")):
+            click.echo(piece, nl=False)
     return code

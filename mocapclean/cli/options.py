@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from mocapclean.config import MILLIMETRES, Settings, resolve
+from mocapclean.config import Settings, resolve
 from mocapclean.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -45,14 +45,16 @@ def settings(config: Path | None, assignments: tuple[str, ...], options: dict[st
     """Settings from the configuration file and the options that were given."""
     for name in ("markers", "exclude"):
         options[name] = [part.strip() for value in options[name] for part in value.split(",") if part.strip()] or None
-    if options["unit"] is not None and options["unit"] not in MILLIMETRES:
+    for name in ("include_files", "exclude_files"):
+        options[name] = options.get(name) or None
+    for name, number in (("unit", float), ("workers", int)):
         with suppress(ValueError):
-            options["unit"] = float(options["unit"])
+            options[name] = number(options.get(name) or "")
     return resolve(config, {key: value for key, value in options.items() if value is not None}, assignments)
 
 
 def distinct(files: tuple[Path, ...]) -> tuple[Path, ...]:
-    """The inputs as given; raises UsageError for folders and for none at all."""
+    """The inputs as given; raises UsageError for folders."""
     for path in files:
         if path.is_dir():
             raise UsageError(f"{path}: an input must be a file. Got a folder.")

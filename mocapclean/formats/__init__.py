@@ -15,6 +15,8 @@ A format module has
 """
 
 import contextlib
+import glob
+import hashlib
 import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
@@ -70,6 +72,11 @@ def read(
     return take
 
 
+def companion(path: Path) -> Path | None:
+    """The other file that reading ``path`` reads too: the .asf beside an .amc; FormatError where it is not there."""
+    return amc.find_asf(path) if format_of(path) == "amc" else None
+
+
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
     """Read the joints and bones of an .asf or a .bvh file; unit: millimetres per unit of length, for BVH."""
     readers: dict[str, Callable[[], Skeleton]] = {
@@ -109,9 +116,9 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
 
 def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
     """Raise UsageError when writing ``path`` would touch the input or an existing file without ``overwrite``."""
-    if source is not None and path.exists() and source.exists() and path.samefile(source):
+    if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
         raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")
-    if path.exists() and not overwrite:
+    if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: the output exists already. Use --overwrite to replace it.")
 
 
@@ -119,7 +126,7 @@ def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
 def new_file(path: Path) -> Iterator[Path]:
     """A temporary file in the same folder that takes ``path``'s place when all went well, and else leaves no trace."""
     try:
-        handle, name = tempfile.mkstemp(prefix=f".{path.stem[:100]}.", suffix=f".part{path.suffix}", dir=path.parent)
+        handle, name = tempfile.mkstemp(prefix=_part_prefix(path), suffix=f".part{path.suffix}", dir=path.parent)
         os.close(handle)
         part = Path(name)
     except OSError as fault:
@@ -131,6 +138,18 @@ def new_file(path: Path) -> Iterator[Path]:
         raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def discard_parts(path: Path) -> None:
+    """Remove the temporary files that a killed process has left of ``path``; nobody else may be writing it."""
+    for part in path.parent.glob(f"{glob.escape(_part_prefix(path))}*.part{glob.escape(path.suffix)}"):
+        part.unlink(missing_ok=True)
+
+
+def _part_prefix(path: Path) -> str:
+    """How the names of temporary files begin: short enough for any file system, and this path's alone."""
+    start = os.fsencode(path.stem)[:100].decode("utf-8", "ignore")
+    return f".{start}.{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]}."
 
 
 def _settle(part: Path, path: Path) -> None:

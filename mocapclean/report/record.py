@@ -3,8 +3,7 @@
 import json
 import math
 import platform
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -17,42 +16,60 @@ from mocapclean.records import GRADES, Finding, Gap, Outcome
 
 SCHEMA = 2
 
+_STATUSES = ("repaired", "unchanged", "failed", "skipped")
+_COUNTS = ("samples", "untrusted", "filled", "left")
+_TOTALS = ("takes", *_STATUSES, *_COUNTS, "gaps", *GRADES)
 
-def record(outcomes: Sequence[Outcome], config: Mapping[str, Any]) -> dict[str, Any]:
-    """All that is known of a run: versions, the resolved configuration, every take, and totals."""
+
+def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterator[str]:
+    """The report of a run, in pieces: versions, the resolved configuration, every take's row, and totals.
+
+    Rows are asked for one after the other and let go of, however many there are.
+    """
+    versions = {
+        "mocapclean": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+    head = _json({"schema": SCHEMA, "versions": versions, "config": _plain(config)})
+    yield head.removesuffix("\n}") + ',\n "takes": ['
+    totals = dict.fromkeys(_TOTALS, 0)
+    separator = "\n"
+    for each in rows:
+        yield separator + "  " + _json(each).replace("\n", "\n  ")
+        separator = ",\n"
+        for name, count in _counted(each).items():
+            totals[name] += count
+    yield '\n ],\n "totals": ' + _json(totals).replace("\n", "\n ") + "\n}\n"
+
+
+def write(path: Path, rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> None:
+    """Write the report of a run."""
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.writelines(text(rows, config))
+
+
+def _json(value: Any) -> str:
+    """A value as text: no not-a-number, and an escape for what is no character (of a name that is not UTF-8)."""
+    found = json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False)
+    return found.encode("utf-8", "backslashreplace").decode()
+
+
+def _counted(each: Mapping[str, Any]) -> dict[str, int]:
+    """What a row adds to the totals."""
+    counts = each["counts"] or {}
     return {
-        "schema": SCHEMA,
-        "versions": {
-            "mocapclean": __version__,
-            "python": platform.python_version(),
-            "numpy": np.__version__,
-            "scipy": scipy.__version__,
-        },
-        "config": _plain(config),
-        "takes": [_take(outcome) for outcome in outcomes],
-        "totals": _totals(outcomes),
+        "takes": 1,
+        **{status: int(each["status"] == status) for status in _STATUSES},
+        **{name: counts.get(name, 0) for name in _COUNTS},
+        "gaps": len(each["gaps"]),
+        **{name: sum(gap["grade"] == name for gap in each["gaps"]) for name in GRADES},
     }
 
 
-def to_json(content: Mapping[str, Any]) -> str:
-    """The record as text; not-a-number never stands in it."""
-    return json.dumps(content, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-
-
-def _totals(outcomes: Sequence[Outcome]) -> dict[str, int]:
-    grades = Counter(gap.grade for outcome in outcomes for gap in outcome.gaps)
-    counts = [outcome.counts for outcome in outcomes if outcome.counts]
-    statuses = ("repaired", "unchanged", "failed", "skipped")
-    return {
-        "takes": len(outcomes),
-        **{status: sum(outcome.status == status for outcome in outcomes) for status in statuses},
-        **{name: sum(getattr(count, name) for count in counts) for name in ("samples", "untrusted", "filled", "left")},
-        "gaps": grades.total(),
-        **{name: grades[name] for name in GRADES},
-    }
-
-
-def _take(outcome: Outcome) -> dict[str, Any]:
+def row(outcome: Outcome) -> dict[str, Any]:
+    """One take, as it stands in the report."""
     first = outcome.first_frame
     return {
         "source": str(outcome.source),

@@ -1,7 +1,7 @@
 """The report for a terminal: the same record, short and aligned."""
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from mocapclean.metrics import Error
@@ -14,7 +14,7 @@ _NUMBERS = ("RMSE mm", "3D mm", "largest mm")
 def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = None) -> str:
     """One repaired (or failed) take in a few lines; with ``verbose``, every gap and finding too."""
     if outcome.status == "failed":
-        return f"{outcome.source}\n{_line('failed', outcome.error)}"
+        return "\n".join(map(printable, [f"{outcome.source}", _line("failed", outcome.error)]))
     lines = [
         f"{outcome.source} -> {outcome.output}",
         _line("take", _shape(outcome)),
@@ -34,7 +34,8 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
     if outcome.error:
         lines.append(_line("failed", outcome.error))
     places = [f"{what} in {path}" for what, path in (("report", report), ("arrays", outcome.sidecar)) if path]
-    return "\n".join([*lines, _line("done", ", ".join([f"{outcome.seconds:.1f} s", *places]))])
+    closing = ", ".join([f"{outcome.seconds:.1f} s", *places])
+    return "\n".join(map(printable, [*lines, _line("done", closing)]))
 
 
 def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
@@ -50,7 +51,20 @@ def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
         lines += ["", *_marker_table(outcome)]
         if verbose:
             lines += ["", *_gap_table(outcome)]
-    return "\n".join(lines)
+    return "\n".join(map(printable, lines))
+
+
+def totals(counts: Mapping[str, int], n_earlier: int, report: Path | None) -> str:
+    """A run in one line: how many takes went which way, and how many of them an earlier run had done."""
+    parts = ", ".join(f"{count:,} {status}" for status, count in sorted(counts.items()))
+    line = _plural(sum(counts.values()), "take") + (f": {parts}" if parts else "")
+    line += f"; {n_earlier:,} done before" if n_earlier else ""
+    return printable(line + (f"; report in {report}" if report else ""))
+
+
+def printable(text: str) -> str:
+    """A line with escapes for what is no character or would steer a terminal; a file may hold any name."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
