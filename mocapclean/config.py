@@ -32,6 +32,7 @@ from mocapclean.trust import RULES
 
 DEFAULT_METHOD = "kriging"
 CHECKED = ("auto", DEFAULT_METHOD, "linear", "spline")
+_MOST_VALUES = 10_000
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
@@ -185,7 +186,10 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
     Paths in the file are relative to its folder. Raises ConfigError with every fault, its file, line and key.
     """
     tree = _load(path) if path else CommentedMap()
-    plain = _plain(tree)
+    try:
+        plain = _plain(tree, iter(range(_MOST_VALUES)))
+    except (StopIteration, RecursionError):
+        raise ConfigError(f"{path}: a configuration must have fewer than {_MOST_VALUES:,} values.") from None
     if path:
         for key in _PATHS:
             if isinstance(plain.get(key), str):
@@ -207,6 +211,9 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
 
 def _contradictions(settings: Settings) -> Iterator[str]:
     """What is wrong with values that are each of the right kind."""
+    for name, value in settings:
+        if isinstance(value, Path) and "\0" in str(value):
+            yield f"{name} must be a path, without NUL. Got {str(value)!r}."
     try:
         limit = settings.left_limit(100)
     except ValueError:
@@ -237,6 +244,10 @@ def _load(path: Path) -> CommentedMap:
         line = f", line {mark.line + 1}" if mark else ""
         problem = getattr(fault, "problem", None) or str(fault).splitlines()[0]
         raise ConfigError(f"{path}{line}: not valid YAML: {problem}.") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: not valid YAML: it is nested too deeply.") from None
+    except ValueError as fault:
+        raise ConfigError(f"{path}: not valid YAML: {fault}.") from None
     if tree is None:
         return CommentedMap()
     if not isinstance(tree, CommentedMap):
@@ -244,11 +255,13 @@ def _load(path: Path) -> CommentedMap:
     return tree
 
 
-def _plain(node: Any) -> Any:
+def _plain(node: Any, budget: Iterator[int]) -> Any:
+    """A node as plain values; each takes one of a budget, for aliases can make few lines stand for very many."""
+    next(budget)
     if isinstance(node, CommentedMap):
-        return {str(key): _plain(value) for key, value in node.items()}
+        return {str(key): _plain(value, budget) for key, value in node.items()}
     if isinstance(node, CommentedSeq):
-        return [_plain(item) for item in node]
+        return [_plain(item, budget) for item in node]
     for kind in (bool, int, float, str):
         if isinstance(node, kind):
             return kind(node)
@@ -261,7 +274,7 @@ def _assign(plain: dict[str, Any], assignment: str) -> None:
         raise ConfigError(f"--set must be name=value. Got {assignment!r}.")
     try:
         value = YAML(typ="safe", pure=True).load(text) if text else ""
-    except YAMLError:
+    except (YAMLError, ValueError, RecursionError):
         value = text
     keys = name.split(".") if "." in name else ["methods", str(plain.get("method", DEFAULT_METHOD)), name]
     branch = plain

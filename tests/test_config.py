@@ -137,3 +137,27 @@ def test_which_methods_check_themselves(method, self_check, checks):
 @pytest.mark.parametrize(("text", "limit"), [(None, None), (5, 5), ("5", 5), ("2%", 20)])
 def test_left_limits_are_counts_or_shares(text, limit):
     assert Settings(max_left=text).left_limit(1000) == limit
+
+
+HOSTILE = [
+    ("an object", "out_dir: !!python/object/apply:os.mkdir [owned]\n", "out_dir must be"),
+    (
+        "aliases of aliases",
+        "a: &a0 [x, x]\n" + "".join(f"k{n}: &a{n + 1} [*a{n}, *a{n}]\n" for n in range(40)),
+        "fewer",
+    ),
+    ("an alias of itself", "&a\nmarkers: *a\n", "fewer than"),
+    ("deep nesting", "markers: " + "[" * 400 + "]" * 400 + "\n", "nested too deeply"),
+    ("an endless number", "max_gap: " + "9" * 5000 + "\n", "not valid YAML"),
+    ("a NUL in a path", 'out_dir: "a\\0b"\n', "out_dir must be a path, without NUL"),
+]
+
+
+@pytest.mark.parametrize(("what", "text", "message"), HOSTILE, ids=[row[0] for row in HOSTILE])
+def test_a_hostile_configuration_makes_no_object_and_takes_no_memory(tmp_path, monkeypatch, what, text, message):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / "studio.yaml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError, match=message):
+        resolve(path, {})
+    assert not (tmp_path / "owned").exists()

@@ -40,8 +40,14 @@ def named(paths: Iterable[Path], root: Path | None = None, skip: Path | None = N
 
 
 def listed(file: BinaryIO, null: bool = False) -> list[Path]:
-    """The paths that a list names, one a line or, with ``null``, each ended by a NUL; empty ones do not count."""
-    names = file.read().split(b"\0") if null else [line.removesuffix(b"\r") for line in file.read().split(b"\n")]
+    """The paths that a list names, one a line or, with ``null``, each ended by a NUL; empty ones do not count.
+
+    Raises UsageError for a NUL in a line.
+    """
+    content = file.read()
+    if not null and b"\0" in content:
+        raise UsageError("--files-from must hold one path a line. Got a NUL; give -0 if each is ended by one.")
+    names = content.split(b"\0") if null else [line.removesuffix(b"\r") for line in content.split(b"\n")]
     return [Path(os.fsdecode(name)) for name in names if name]
 
 

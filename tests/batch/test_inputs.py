@@ -108,6 +108,11 @@ def test_lists_in_lines_may_come_from_any_system():
     ]
 
 
+def test_a_list_of_the_other_kind_is_refused():
+    with pytest.raises(UsageError, match="give -0"):
+        inputs.listed(io.BytesIO(b"a.c3d\0b.c3d\0"))
+
+
 def test_patterns_are_of_the_name_or_with_a_slash_of_the_path(tree):
     found = list(inputs.named([tree]))
     assert relatives(inputs.chosen(found, ["*.bvh"], [])) == ["other/x.bvh", "sub/x.bvh"]
