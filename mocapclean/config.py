@@ -1,6 +1,7 @@
 """YAML and command line -> frozen Settings; what is unknown or mistyped is refused with its place."""
 
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -156,6 +157,11 @@ class Settings(BaseModel):
     def identity(self) -> dict[str, Any]:
         """What decides how a take is repaired, as JSON values; not where the result goes or who does the work."""
         return self.model_dump(mode="json", exclude=_NO_MATTER)
+
+    def absolute(self) -> "Settings":
+        """The same settings for another machine that shares the storage: with absolute paths."""
+        paths = {name: Path(os.path.abspath(value)) for name, value in self if isinstance(value, Path)}
+        return self.model_copy(update=paths)
 
     @property
     def unit_mm(self) -> float | None:

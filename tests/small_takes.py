@@ -56,10 +56,10 @@ def assert_true(rows: dict[str, dict], out_dir: Path) -> None:
             assert hashlib.sha256(content).hexdigest() == row["sha256"]["output"]
             assert hashlib.sha256(Path(source).read_bytes()).hexdigest() == row["sha256"]["source"]
             assert mocapclean.read(output).trusted.sum() >= mocapclean.read(source).trusted.sum()
-            told.add(output)
+            told.add(output.absolute())
         else:
             assert row["status"] in ("failed", "skipped")
             assert row["error"]
             assert row["output"] is None
-    there = {path for path in out_dir.rglob("*") if path.is_file() and ".mocapclean" not in path.parts}
+    there = {path for path in out_dir.absolute().rglob("*") if path.is_file() and ".mocapclean" not in path.parts}
     assert {path for path in there if not path.name.endswith(".report.json")} == told

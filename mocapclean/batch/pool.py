@@ -156,7 +156,7 @@ class _Seat:
         except TimeoutError:
             lost = WorkerError(f"it took longer than the limit of {self.limits.timeout:g} s (--timeout).")
         except ProcessExpired as death:
-            lost = WorkerError(f"its process {_end_of(death.exitcode)}.")
+            lost = WorkerError(f"its process {end_of(death.exitcode)}.")
         except Exception as fault:
             lost = WorkerError(f"its process could not be used: {fault}.")
         self._replace()
@@ -167,7 +167,8 @@ class _Seat:
         self.pool = _pool()
 
 
-def _end_of(code: int) -> str:
+def end_of(code: int) -> str:
+    """How a process ended, by its exit code, negative for a signal."""
     if code >= 0:
         return f"ended with exit code {code}"
     name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"

@@ -27,7 +27,7 @@ class Job:
 
     name: its own in the run and the journal. sidecar, report: where its arrays and its own report go, if anywhere.
     before: what earlier runs say of the output. inode: of the file that was at ``output`` when the run was planned, if
-    any.
+    any. again: whether another process may have done it, and been lost, since.
     """
 
     name: str
@@ -37,6 +37,7 @@ class Job:
     report: Path | None = None
     before: Before | None = None
     inode: int | None = None
+    again: bool = False
 
     @property
     def targets(self) -> list[Path]:
@@ -119,7 +120,9 @@ def _discard_parts(job: Job) -> None:
 
 
 def _is_own(job: Job) -> bool:
-    """Whether an earlier run says of the output that it is, or may become, its own, and nobody has changed it since."""
+    """Whether this or an earlier run says of the output that it is its own, and nobody has changed it since."""
+    if job.again and inode(job.output) not in (None, job.inode):
+        return True
     if job.before is None:
         return False
     return not (job.before.sha256 and job.output.exists()) or digest(job.output) == job.before.sha256

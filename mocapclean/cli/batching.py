@@ -4,6 +4,7 @@ import contextlib
 import os
 import signal
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -67,6 +68,8 @@ def select(
     found = [*inputs.named(files, relative_to, chosen.out_dir)]
     if files_from is not None:
         found += inputs.named(inputs.listed(files_from, null), relative_to or Path(), chosen.out_dir)
+    if chosen.scheduler:
+        found = [replace(each, path=Path(os.path.abspath(each.path))) for each in found]
     found = inputs.chosen(found, chosen.include_files, chosen.exclude_files)
     if not found:
         raise UsageError(f"there must be at least one take ({', '.join(inputs.SUFFIXES)}). Got none.")

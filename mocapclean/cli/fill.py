@@ -5,6 +5,7 @@ import json
 import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -13,7 +14,7 @@ from tqdm import tqdm
 
 from mocapclean.batch.journal import Journal, earlier
 from mocapclean.batch.plan import make_folders, plan, report_name
-from mocapclean.batch.pool import run
+from mocapclean.batch.pool import Answers, Stop, run
 from mocapclean.batch.repairing import Done, Job, Repair, failed
 from mocapclean.cli.batching import batching, limits, select, stopping
 from mocapclean.cli.guard import INTERRUPTED, complain, guarded
@@ -74,6 +75,8 @@ def command(
     chosen = settings(config, assignments, options)
     if (resume or shard) and not chosen.out_dir:
         raise UsageError("--resume and --shard need --out-dir.")
+    if chosen.scheduler:
+        chosen = chosen.absolute()
     inputs = select(files, files_from, null, relative_to, chosen)
     known = earlier(chosen.out_dir) if resume and chosen.out_dir else {}
     kept = [chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config]
@@ -85,7 +88,7 @@ def command(
             *([report_name(chosen.report)] if isinstance(chosen.report, Path) else []),
         ]
         journal.begin([name for name in names if name not in known])
-        with contextlib.closing(run(Repair(chosen), jobs, limits(chosen), stop)) as answers:
+        with contextlib.closing(_begin(jobs, chosen, stop)) as answers:
             n_earlier = _follow(answers, jobs, journal, chosen, as_json)
         code = _conclude(jobs, journal, chosen, as_json, n_earlier)
     if journal.fault:
@@ -93,6 +96,17 @@ def command(
     if stop.signal:
         complain(INTERRUPTED)
     return 128 + stop.signal if stop.signal else code
+
+
+def _begin(jobs: list[Job], chosen: Settings, stop: Stop) -> Answers[Job, Done]:
+    """Begin the work here, or on the cluster that is to do it."""
+    if not chosen.scheduler:
+        return run(Repair(chosen), jobs, limits(chosen), stop)
+    from mocapclean.batch import cluster
+
+    shared = [*(job.source for job in jobs[:1]), *dict.fromkeys(job.output.parent for job in jobs)]
+    again = [replace(job, again=True) for job in jobs]
+    return cluster.run(Repair(chosen), again, chosen.scheduler, limits(chosen), shared, stop)
 
 
 @contextlib.contextmanager

@@ -18,7 +18,7 @@ import contextlib
 import glob
 import hashlib
 import os
-import tempfile
+import secrets
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
@@ -125,10 +125,9 @@ def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
 @contextlib.contextmanager
 def new_file(path: Path) -> Iterator[Path]:
     """A temporary file in the same folder that takes ``path``'s place when all went well, and else leaves no trace."""
+    part = path.parent / f"{_part_prefix(path)}{secrets.token_hex(8)}.part{path.suffix}"
     try:
-        handle, name = tempfile.mkstemp(prefix=_part_prefix(path), suffix=f".part{path.suffix}", dir=path.parent)
-        os.close(handle)
-        part = Path(name)
+        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as fault:
         raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
     try:
@@ -153,10 +152,7 @@ def _part_prefix(path: Path) -> str:
 
 
 def _settle(part: Path, path: Path) -> None:
-    """Give a finished file ordinary permissions, force it to the disk and rename it."""
-    mask = os.umask(0)
-    os.umask(mask)
-    part.chmod(0o666 & ~mask)
+    """Force a finished file to the disk and rename it."""
     with part.open("rb") as file:
         os.fsync(file.fileno())
     part.replace(path)
