@@ -22,6 +22,11 @@ from mocapclean.errors import MocapcleanError, UsageError, WorkerError
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+_GONE = "the cluster is no longer there."
+_LOST = {
+    "KilledWorker": "its worker was lost again and again.",
+    **dict.fromkeys(("CancelledError", "FutureCancelledError"), _GONE),
+}
 _POLL = 0.2  # seconds
 _PATIENCE = 10  # seconds
 
@@ -62,7 +67,7 @@ def _work_through(
                     work.undo(job)
                 yield job, answer
         for _, job in busy.values():
-            yield job, WorkerError("the cluster is no longer there.")
+            yield job, WorkerError(_GONE)
     finally:
         client.cancel([future for future, _ in busy.values()])
 
@@ -79,7 +84,7 @@ def _answer(future: "Future") -> Any:
         return future.result(timeout=_PATIENCE)
     except Exception as fault:
         kind = type(fault).__name__
-        return WorkerError("its worker was lost again and again." if kind == "KilledWorker" else f"{kind}: {fault}.")
+        return WorkerError(_LOST.get(kind, f"its worker could not be used: {kind}: {fault}."))
 
 
 def _connect(scheduler: str) -> "Client":
@@ -88,7 +93,8 @@ def _connect(scheduler: str) -> "Client":
         from distributed.comm import connect
     except ImportError:
         raise UsageError("--scheduler needs Dask. Use pip install 'mocapclean[cluster]'.") from None
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         asyncio.run(connect(scheduler, timeout=_PATIENCE)).abort()
     except (OSError, ValueError) as fault:
