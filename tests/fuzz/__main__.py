@@ -1,0 +1,45 @@
+"""Mutated C3D, BVH, AMC and ASF files through read, detect, fill linear and write.
+
+    python -m tests.fuzz [--inputs 10000] [--first 0] [--workers 1] [--captures ../shared/data] [--found fuzz-found]
+
+An input is made by its seed alone, so that a finding can be had again with ``--first SEED --inputs 1``. What counts as
+one: an exception but our own errors, more than 5 s of processor time, more than 1 GiB of memory, the end of the
+process, an output beside a refusal, or one that cannot be read. Exit code 1 if there is any.
+"""
+
+import argparse
+import sys
+from collections import Counter
+from pathlib import Path
+
+from tqdm import tqdm
+
+from mocapclean.batch.limits import Limits
+from mocapclean.batch.pool import Stop, run
+from tests.fuzz.target import Fuzz
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--inputs", type=int, default=10000)
+    parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--captures", type=Path, default=ROOT.parent / "shared" / "data")
+    parser.add_argument("--found", type=Path, default=Path("fuzz-found"))
+    options = parser.parse_args()
+    fuzz = Fuzz((ROOT / "sample_data", options.captures), options.found.absolute())
+    counts: Counter[str] = Counter()
+    seeds = range(options.first, options.first + options.inputs)
+    limits = Limits(workers=options.workers, timeout=120.0, memory=1 << 30)
+    for seed, answer in tqdm(run(fuzz, seeds, limits, Stop()), total=len(seeds), unit="input", disable=None):
+        counts["refused" if answer == "refused" else "repaired" if answer == "repaired" else "FOUND"] += 1
+        if not isinstance(answer, str):
+            print(f"seed {seed}: {answer}", flush=True)
+    print(", ".join(f"{count:,} {kind}" for kind, count in sorted(counts.items())))
+    return int(counts["FOUND"] > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
