@@ -21,15 +21,21 @@ pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="th
 
 NAMES = ("a.c3d", "b.c3d", "sub/c.c3d", "sub/y.c3d", "z.c3d")
 HANGS = "m.c3d"
+STARTED = []
 
 
 @pytest.fixture
 def captures(tmp_path, monkeypatch):
-    """A folder of five takes in the current folder; its files are as they were when the test is over."""
+    """A folder of five takes in the current folder; when the test is over they are as they were, and nobody runs."""
     monkeypatch.chdir(tmp_path)
     folder = store(Path("captures"), *NAMES)
     before = hashes(folder)
     yield folder
+    for process in STARTED:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.wait()
+    STARTED.clear()
     assert hashes(folder) == before
 
 
@@ -44,14 +50,9 @@ def hanging(captures):
 def start(*arguments, **options):
     """Start a run of small takes in a session of its own, its report in all.json."""
     words = ["fill", "captures", "--out-dir", "clean", "--method", "linear", "--report", "all.json", *arguments]
-    return subprocess.Popen(
-        [sys.executable, "-m", "mocapclean", *map(str, words)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        **options,
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
+    STARTED.append(subprocess.Popen([sys.executable, "-m", "mocapclean", *map(str, words)], **pipes, **options))
+    return STARTED[-1]
 
 
 def end(process, code, pipe=None):
