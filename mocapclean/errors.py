@@ -1,6 +1,7 @@
 """Everything that can go wrong for a user, each as one clear sentence: what, where, what to do."""
 
 from pathlib import Path
+from typing import Any
 
 
 class MocapcleanError(Exception):
@@ -49,3 +50,11 @@ class FormatError(MocapcleanError):
         where = "".join(f", {name} {value}" for name, value in places if value is not None)
         super().__init__(f"{path}{where}: {message}")
         self.path, self.line, self.byte, self.frame, self.marker = path, line, byte, frame, marker
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Let it pass between processes: as the sentence that it is, not as what it was composed of."""
+        return _as_said, self.args, self.__dict__
+
+
+def _as_said(sentence: str) -> FormatError:
+    return FormatError.__new__(FormatError, sentence)

@@ -118,6 +118,9 @@ def read(path: Path, options: ReadOptions) -> Take:
         columns=slice(columns[0], columns[-1] + 1) if is_run else np.array(columns),
         factor=unit if words.is_float else scale * unit,
     )
+    if document.data_start <= header.section < document.data_start + n_frames * document.stride:
+        message = f"the point data must not lie over the parameter section. It starts at byte {document.data_start}."
+        raise FormatError(path, message, byte=header.section)
     positions, trusted = _read_samples(document, len(columns))
     if not trusted.any():
         message = f"All {trusted.size} samples are marked missing, so there is nothing to trust."

@@ -69,7 +69,8 @@ class Header:
     """What the first block says.
 
     size: bytes of the whole file. head: everything before the point data (at most 256 KiB). n_analog: analog words per
-    frame. scale: negative for float data, else units per integer step. data_start: byte of the first frame.
+    frame. scale: negative for float data, else units per integer step. section, data_start: bytes where the
+    parameters and the first frame are.
     """
 
     machine: int
@@ -78,6 +79,7 @@ class Header:
     first_frame: int
     last_frame: int
     scale: float
+    section: int
     data_start: int
     rate: float
     parameters: Parameters
@@ -124,6 +126,7 @@ def read_header(path: Path) -> Header:
         first_frame=first,
         last_frame=last,
         scale=scale,
+        section=start,
         data_start=data_start,
         rate=rate,
         parameters=parameters,

@@ -1,6 +1,7 @@
 """Jobs in processes: each has one answer, whatever becomes of its process."""
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -12,9 +13,13 @@ from works import Act
 
 from mocapclean.batch.limits import Limits
 from mocapclean.batch.pool import Stop, run
-from mocapclean.errors import MocapcleanError
+from mocapclean.errors import FormatError, MocapcleanError
 
 LIMITS = Limits(workers=2, timeout=3.0, memory=500 << 20)
+
+
+def _errors(kind):
+    return [kind, *(found for each in kind.__subclasses__() for found in _errors(each))]
 
 
 def notes(folder, kind):
@@ -125,3 +130,11 @@ def test_a_stop_may_come_from_anywhere(tmp_path):
     threading.Timer(0.5, stop, (signal.SIGTERM, None)).start()
     assert list(run(Act(tmp_path), [(0, "hang"), (1, "hang")], Limits(workers=2), stop)) == []
     assert notes(tmp_path, "undone") == [0, 1]
+
+
+@pytest.mark.parametrize("kind", _errors(MocapcleanError), ids=lambda kind: kind.__name__)
+def test_every_error_passes_between_processes(kind):
+    places = {"line": 3, "byte": 7, "frame": 9, "marker": "LASI"}
+    fault = kind("take.c3d", "is broken.", **places) if kind is FormatError else kind("is broken.")
+    back = pickle.loads(pickle.dumps(fault))
+    assert (type(back), str(back), vars(back)) == (kind, str(fault), vars(fault))

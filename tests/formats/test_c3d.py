@@ -305,3 +305,11 @@ def test_sniff() -> None:
     assert not c3d.sniff(b"\x02P" + bytes(100))
     assert not c3d.sniff(b"XP is text " * 60)
     assert not c3d.sniff(b"HIERARCHY\n" * 60)
+
+
+def test_point_data_over_the_parameters_are_refused_for_a_repair_would_change_what_is_read(tmp_path):
+    content = bytearray(C3D(walk()).build())
+    content[16:18] = content[0:1] + b"\0"
+    with pytest.raises(FormatError, match="must not lie over the parameter section") as refused:
+        load(tmp_path, bytes(content))
+    assert refused.value.byte == 512

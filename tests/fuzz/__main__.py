@@ -7,6 +7,10 @@ one: an exception but our own errors, more than 5 s of processor time, more than
 process, an output beside a refusal, or one that cannot be read. Exit code 1 if there is any.
 """
 
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import argparse
 import sys
 from collections import Counter
