@@ -5,9 +5,12 @@ import json
 from pathlib import Path
 
 import c3d_builder
+import jsonschema
 import numpy as np
 
 import mocapclean
+
+SCHEMA = json.loads((Path(__file__).parents[1] / "docs" / "report.schema.json").read_text(encoding="utf-8"))
 
 
 def small(seed: int = 7, n_frames: int = 40, n_points: int = 5) -> bytes:
@@ -39,8 +42,10 @@ def hashes(folder: Path) -> dict[str, str]:
 
 
 def rows_of(report: Path) -> dict[str, dict]:
-    """The rows of a report by the path of their input; each take has just one."""
-    takes = json.loads(report.read_text(encoding="utf-8"))["takes"]
+    """The rows of a valid report by the path of their input; each take has just one."""
+    content = json.loads(report.read_text(encoding="utf-8"))
+    jsonschema.validate(content, SCHEMA)
+    takes = content["takes"]
     rows = {take["source"]: take for take in takes}
     assert len(rows) == len(takes)
     return rows
