@@ -190,11 +190,28 @@ def test_resume_never_replaces_what_someone_else_has_changed(captures):
     mine = Path("clean/one.c3d")
     mine.write_bytes(b"edited by hand")
     code, _, err = fill(captures, "--out-dir", "clean", "--no-report", "--resume")
-    assert code == 2
+    assert code == 1
     assert "clean/one.c3d: the output exists already" in err
     assert mine.read_bytes() == b"edited by hand"
     assert fill(captures, "--out-dir", "clean", "--no-report", "--resume", "--overwrite")[0] == 0
     assert mine.read_bytes() != b"edited by hand"
+
+
+def test_resume_never_replaces_what_was_not_begun(captures):
+    assert fill(captures / "one.c3d", "--out-dir", "clean")[0] == 0
+    for name in ("day 1/two.c3d", "day 2/two.report.json"):
+        (Path("clean") / name).parent.mkdir(parents=True)
+        (Path("clean") / name).write_bytes(b"somebody's own")
+    code, _, err = fill(captures, "--out-dir", "clean", "--resume")
+    assert code == 1
+    assert err.count("exists already") == 2
+    for name in ("day 1/two.c3d", "day 2/two.report.json"):
+        assert (Path("clean") / name).read_bytes() == b"somebody's own"
+    assert sorted(name for name in hashes(Path("clean")) if name.lower().endswith(".c3d")) == [
+        "day 1/three.C3D",
+        "day 1/two.c3d",
+        "one.c3d",
+    ]
 
 
 REFUSED = [

@@ -9,7 +9,7 @@ import contextlib
 import logging
 import os
 import queue
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ _PATIENCE = 10  # seconds
 
 
 def run(
-    work: Work[Job, Answer], jobs: Sequence[Job], scheduler: str, limits: Limits, shared: Sequence[Path], stop: Stop
+    work: Work[Job, Answer], jobs: Iterable[Job], scheduler: str, limits: Limits, shared: Sequence[Path], stop: Stop
 ) -> Answers[Job, Answer]:
     """Each job with its answer, or with why it was lost, in the order in which they are done.
 
@@ -46,7 +46,7 @@ def run(
 
 
 def _work_through(
-    client: "Client", work: Work[Job, Answer], jobs: Sequence[Job], limits: Limits, stop: Stop
+    client: "Client", work: Work[Job, Answer], jobs: Iterable[Job], limits: Limits, stop: Stop
 ) -> Answers[Job, Answer]:
     ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
     busy: dict[str, tuple[Future, Job]] = {}

@@ -1,13 +1,12 @@
 """What a run has begun and done, line by line on the disk, so that neither memory nor a power cut can lose it.
 
-A line is JSON: ``{"begin": [outputs]}`` before anything is written, and for every finished take
-``{"output": ..., "key": ..., "take": {its row of the report}}``. A journal is only ever added to. A last line that a
-power cut has torn is cut off.
+A line is JSON: ``{"begin": output}`` before a take is begun, and when it is finished ``{"output": ..., "key": ...,
+"take": {its row of the report}}``. A journal is only ever added to. A last line that a power cut has torn is cut off.
 """
 
 import json
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,8 +45,8 @@ def earlier(folder: Path) -> dict[str, Before]:
 
 
 def _learn(known: dict[str, Before], line: Mapping[str, Any], place: Place) -> None:
-    for output in line.get("begin", ()):
-        known.setdefault(output, Before())
+    if isinstance(line.get("begin"), str):
+        known.setdefault(line["begin"], Before())
     if line.get("key"):
         known[line["output"]] = Before(line["key"], line["take"]["sha256"]["output"], place)
 
@@ -101,10 +100,9 @@ class Journal:
         self._reader.close()
         self._lock.release()
 
-    def begin(self, outputs: Sequence[str]) -> None:
-        """Say which outputs, new to the journals, this run may write; from now on they are its own."""
-        if outputs:
-            self._append({"begin": outputs})
+    def begin(self, output: str) -> None:
+        """Say that an output may be written from now on: what is found there later is this run's own."""
+        self._append({"begin": output})
 
     def add(self, output: str, key: str, take: Mapping[str, Any]) -> None:
         """Keep a finished take's row; key: what the output was made of, empty unless all went well."""

@@ -14,7 +14,7 @@ _ROOT = Path("/")
 
 @dataclass(frozen=True, kw_only=True)
 class Limits:
-    """workers: processes at a time. timeout: seconds, and memory: bytes, that one take may need; None for any."""
+    """workers: processes at a time; 0: none but this one. timeout (seconds), memory (bytes): of one take, or None."""
 
     workers: int = 1
     timeout: float | None = None

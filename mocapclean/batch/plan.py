@@ -20,11 +20,14 @@ def plan(
     kept: Iterable[Path],
     known: Mapping[str, Before],
     part: tuple[int, int] | None = None,
+    *,
+    resume: bool = False,
 ) -> list[Job]:
     """A job for each input, or each of a shard's; UsageError where one would write what another does, or must not.
 
     kept: other files that must not be written to. known: outputs of earlier runs, which this one may replace. part:
-    (i, n) for shard i of n; the others' outputs may be there already.
+    (i, n) for shard i of n; the others' outputs may be there already. resume: a foreign file in the place of an output
+    fails its take only.
     """
     if settings.output and (len(inputs) > 1 or settings.out_dir):
         raise UsageError("--output takes one input and no --out-dir. Use --out-dir for several.")
@@ -37,7 +40,7 @@ def plan(
     for job in jobs:
         _check_format(job)
         for target in job.targets:
-            _check_target(target, identities, settings.overwrite or job.before is not None)
+            _check_target(target, identities, settings.overwrite or resume)
     if isinstance(settings.report, Path):
         _check_target(settings.report, identities, settings.overwrite or report_name(settings.report) in known)
     return jobs

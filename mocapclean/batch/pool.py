@@ -9,7 +9,7 @@ import os
 import signal
 import threading
 import traceback
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from multiprocessing.connection import wait as wait_for
 from pathlib import Path
@@ -44,46 +44,49 @@ class Work(Protocol[_In, _Out]):
 class Stop:
     """The signals that ask a run to stop: by the first one nothing more is begun, the second one raises at once.
 
-    ``signal``: the first one's number, or 0. A handler for ``signal.signal``.
+    ``signal``: the first one's number, or 0. ``tell`` is called by the first one if it is not the last. A handler for
+    ``signal.signal``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, tell: Callable[[], object] = bool) -> None:
         self.signal = 0
         self.at_once = False
+        self.tell = tell
 
     def __call__(self, number: int, frame: object) -> None:
         """Take note of a signal; KeyboardInterrupt when it is the second, or none can be waited for."""
         first, self.signal = not self.signal, self.signal or number
         if self.at_once or not first:
             raise KeyboardInterrupt(number)
+        self.tell()
 
 
-def run(work: Work[Job, Answer], jobs: Sequence[Job], limits: Limits, stop: Stop) -> Answers[Job, Answer]:
+def run(work: Work[Job, Answer], jobs: Iterable[Job], limits: Limits, stop: Stop) -> Answers[Job, Answer]:
     """Each job with its answer, or with why its process was lost, in the order in which they are done.
 
-    Asked to stop, it begins nothing more. After SIGINT what runs is finished, after SIGTERM it is dropped; jobs that
-    were not begun or were dropped do not appear. A single job without limits needs no process.
+    A job is taken from ``jobs`` when it is begun and not before. Asked to stop, it begins nothing more. After SIGINT
+    what runs is finished, after SIGTERM it is dropped; jobs that were dropped do not appear. Without workers the jobs
+    are done here, without limits, and any signal drops the one that runs.
     """
-    if len(jobs) == 1 and limits.timeout is None and limits.memory is None:
-        return _here(work, jobs[0], stop)
-    return _there(work, jobs, limits, stop)
+    return _there(work, jobs, limits, stop) if limits.workers else _here(work, jobs, stop)
 
 
-def _here(work: Work[Job, Answer], job: Job, stop: Stop) -> Answers[Job, Answer]:
-    stop.at_once = True
-    try:
-        answer = attempt(work, job)
-    except KeyboardInterrupt:
-        if not stop.signal:
-            raise
-        return
-    finally:
-        stop.at_once = False
-    yield job, answer
+def _here(work: Work[Job, Answer], jobs: Iterable[Job], stop: Stop) -> Answers[Job, Answer]:
+    for job in jobs:
+        stop.at_once = True
+        try:
+            answer = attempt(work, job)
+        except KeyboardInterrupt:
+            if not stop.signal:
+                raise
+            return
+        finally:
+            stop.at_once = False
+        yield job, answer
 
 
-def _there(work: Work[Job, Answer], jobs: Sequence[Job], limits: Limits, stop: Stop) -> Answers[Job, Answer]:
-    seats = [_Seat(limits) for _ in range(min(limits.workers, len(jobs)))]
+def _there(work: Work[Job, Answer], jobs: Iterable[Job], limits: Limits, stop: Stop) -> Answers[Job, Answer]:
+    seats = [_Seat(limits) for _ in range(limits.workers)]
     busy: dict[Future[Any], tuple[_Seat, Job]] = {}
     ended: list[tuple[Job, Answer | MocapcleanError]] = []
     waiting = iter(jobs)

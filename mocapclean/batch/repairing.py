@@ -14,7 +14,7 @@ from mocapclean import __version__
 from mocapclean.batch.journal import Before
 from mocapclean.config import Settings
 from mocapclean.errors import MocapcleanError
-from mocapclean.formats import companion, discard_parts, new_file
+from mocapclean.formats import check_output, companion, discard_parts, new_file
 from mocapclean.records import Outcome
 from mocapclean.repair import digest, repair
 from mocapclean.report import record
@@ -67,6 +67,8 @@ class Repair:
         if own and job.before and key and key == job.before.key and _is_there(job):
             return Done(key=key, take=None)
         settings = self.settings
+        for target in job.targets:
+            check_output(target, None, settings.overwrite or own)
         if own:
             settings = settings.model_copy(update={"overwrite": True})
             _discard_parts(job)

@@ -76,16 +76,18 @@ def select(
     return found
 
 
-def limits(chosen: Settings) -> Limits:
-    """How many processes, and what each take may need."""
+def limits(chosen: Settings, *, alone: bool) -> Limits:
+    """How many processes, and what each take may need; a take that is ``alone`` and has no limit needs no process."""
     workers = processors() if chosen.workers == "auto" else chosen.workers
+    if alone and chosen.timeout is None and chosen.memory is None:
+        workers = 0
     return Limits(workers=workers, timeout=chosen.timeout, memory=chosen.memory)
 
 
 @contextlib.contextmanager
 def stopping() -> Iterator[Stop]:
     """Let SIGINT and SIGTERM stop a run in two steps."""
-    stop = Stop()
+    stop = Stop(lambda: os.write(2, b"mocapclean: begins nothing more; again to stop at once.\n"))
     previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop

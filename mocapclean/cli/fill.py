@@ -80,15 +80,10 @@ def command(
     inputs = select(files, files_from, null, relative_to, chosen)
     known = earlier(chosen.out_dir) if resume and chosen.out_dir else {}
     kept = [chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config]
-    jobs = plan(inputs, chosen, filter(None, kept), known, shard)
+    jobs = plan(inputs, chosen, filter(None, kept), known, shard, resume=resume)
     make_folders(jobs, chosen.out_dir)
     with stopping() as stop, _journal(chosen, shard) as journal:
-        names = [
-            *(job.name for job in jobs),
-            *([report_name(chosen.report)] if isinstance(chosen.report, Path) else []),
-        ]
-        journal.begin([name for name in names if name not in known])
-        with contextlib.closing(_begin(jobs, chosen, stop)) as answers:
+        with contextlib.closing(_begin(jobs, journal, chosen, stop)) as answers:
             n_earlier = _follow(answers, jobs, journal, chosen, as_json)
         code = _conclude(jobs, journal, chosen, as_json, n_earlier)
     if journal.fault:
@@ -98,15 +93,24 @@ def command(
     return 128 + stop.signal if stop.signal else code
 
 
-def _begin(jobs: list[Job], chosen: Settings, stop: Stop) -> Answers[Job, Done]:
+def _begin(jobs: list[Job], journal: Journal, chosen: Settings, stop: Stop) -> Answers[Job, Done]:
     """Begin the work here, or on the cluster that is to do it."""
+    work, most = Repair(chosen), limits(chosen, alone=len(jobs) == 1)
     if not chosen.scheduler:
-        return run(Repair(chosen), jobs, limits(chosen), stop)
+        return run(work, _journaled(jobs, journal), most, stop)
     from mocapclean.batch import cluster
 
     shared = [*(job.source for job in jobs[:1]), *dict.fromkeys(job.output.parent for job in jobs)]
     again = [replace(job, again=True) for job in jobs]
-    return cluster.run(Repair(chosen), again, chosen.scheduler, limits(chosen), shared, stop)
+    return cluster.run(work, _journaled(again, journal), chosen.scheduler, most, shared, stop)
+
+
+def _journaled(jobs: Iterable[Job], journal: Journal) -> Iterator[Job]:
+    """The jobs, each noted when it is taken, unless an earlier run has."""
+    for job in jobs:
+        if job.before is None:
+            journal.begin(job.name)
+        yield job
 
 
 @contextlib.contextmanager
@@ -161,12 +165,14 @@ def _row(job: Job, journal: Journal) -> Mapping[str, Any]:
     if row is None:
         error = f"{job.source}: not begun, or dropped: the run was interrupted."
         return record.row(Outcome(source=job.source, status="skipped", error=error, exit_code=1))
-    return {**row, "source": str(job.source), "output": row["output"] and str(job.output)}
+    present = {"output": job.output, "sidecar": job.sidecar}
+    return {**row, "source": str(job.source), **{name: row[name] and str(path) for name, path in present.items()}}
 
 
 def _conclude(jobs: list[Job], journal: Journal, chosen: Settings, as_json: bool, n_earlier: int) -> int:
     """Write the report of the run, say how it went, and return the exit code."""
     if isinstance(chosen.report, Path):
+        journal.begin(report_name(chosen.report))
         with new_file(chosen.report) as part:
             record.write(part, (_row(job, journal) for job in jobs), chosen.model_dump(mode="json"))
     counts: Counter[str] = Counter()

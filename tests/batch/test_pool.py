@@ -43,15 +43,16 @@ def test_every_job_has_one_answer_whatever_the_others_do(tmp_path):
     assert notes(tmp_path, "undone") == [acts.index(act) for act in ("die", "hang", "crash", "devour", "leave", "err")]
 
 
-def test_a_single_job_without_limits_needs_no_process(tmp_path):
+def test_without_workers_the_jobs_are_done_here(tmp_path):
     class Here(Act):
         def work(self, number):
             assert os.getpid() == parent
 
     parent = os.getpid()
-    assert list(run(Here(tmp_path), [(4, "work")], Limits(workers=2), Stop())) == [((4, "work"), 40)]
-    ((_, answer),) = run(Here(tmp_path), [(4, "err")], Limits(workers=2), Stop())
-    assert "unexpected KeyError" in str(answer)
+    answers = dict(run(Here(tmp_path), [(4, "work"), (5, "err"), (6, "work")], Limits(workers=0), Stop()))
+    assert answers[4, "work"] == 40
+    assert answers[6, "work"] == 60
+    assert "unexpected KeyError" in str(answers[5, "err"])
 
 
 def test_no_jobs_are_no_answers(tmp_path):
