@@ -12,6 +12,7 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
+import signal
 import sys
 from collections import Counter
 from pathlib import Path
@@ -37,7 +38,9 @@ def main() -> int:
     counts: Counter[str] = Counter()
     seeds = range(options.first, options.first + options.inputs)
     limits = Limits(workers=options.workers, timeout=120.0, memory=1 << 30)
-    for seed, answer in tqdm(run(fuzz, seeds, limits, Stop()), total=len(seeds), unit="input", disable=None):
+    stop = Stop()
+    signal.signal(signal.SIGINT, stop)
+    for seed, answer in tqdm(run(fuzz, seeds, limits, stop), total=len(seeds), unit="input", disable=None):
         counts["refused" if answer == "refused" else "repaired" if answer == "repaired" else "FOUND"] += 1
         if not isinstance(answer, str):
             print(f"seed {seed}: {answer}", flush=True)
