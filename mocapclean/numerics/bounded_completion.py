@@ -25,6 +25,8 @@ from mocapclean.numerics.shrinkage import shrink_singular_values, singular_value
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
+_STILL = 0.1
+
 
 class Feasible:
     """The pairs (Z, C z) with Z = B on the known entries, and the nearest of them to a matrix and vectors.
@@ -66,7 +68,8 @@ def complete(
     """Iterate until X and Z agree, on the known and on the unknown entries, and no bound is broken by too much.
 
     values: (F, n), B where known and 0 elsewhere. penalty: ‖B‖₂ / (τt). memory: that of Anderson's extrapolation.
-    tolerance: root mean square of Z − X, over the known and over the unknown entries. The answer is X.
+    tolerance: root mean square of Z − X over the known entries; a tenth of it over the unknown ones, which have farther
+    to go. The answer is X.
     """
     feasible = Feasible(values, known, edges)
     step = (float(singular_values(values).max(initial=0.0)) or 1.0) / (penalty * threshold)
@@ -87,7 +90,8 @@ def complete(
         now.excess = edges.excess(edges.differences(now.matrix))
         now.trace.append(now.residual)
         apart = (max(total - missed**2, 0.0) / n_unknown) ** 0.5
-        if max(now.residual, apart) <= tolerance and now.excess <= excess_tolerance:
+        settled = now.residual <= tolerance and apart <= _STILL * tolerance
+        if settled and now.excess <= excess_tolerance:
             now.converged = True
             break
         state = ahead.next(state, state + np.concatenate([matrix.ravel(), differences.ravel()]))

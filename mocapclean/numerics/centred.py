@@ -34,8 +34,8 @@ class CentredMatrix:
     @cached_property
     def interpolated(self) -> Floats:
         """(F, 3m), straight lines across what is not known, held at the ends."""
-        lines = interpolation.linear(self.values.reshape(len(self.values), -1, 3), self.known[:, ::3])
-        return lines.reshape(self.values.shape)
+        known = self.known[:, ::3]
+        return interpolation.linear(self.values.reshape(*known.shape, 3), known).reshape(self.values.shape)
 
     def gap_rank(self, gap: float, limit: int) -> int:
         """The rank that the interpolated matrix shows, by ``spectral_gap_rank``."""
