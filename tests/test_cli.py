@@ -426,7 +426,7 @@ USAGE = [
     ("a folder", ("{folder}",), "an input folder needs --out-dir"),
     ("unknown marker", ("{walk}", "--markers", "LELBO"), "LELB"),
     ("everything excluded", ("{walk}", "--exclude", "*"), "must leave at least one marker"),
-    ("no error bars", ("{walk}", "--method", "spline", "--max-error", "9"), "that gives error bars: dynammo"),
+    ("no error bars", ("{walk}", "--method", "spline", "--max-error", "9"), "that gives error bars: kriging"),
     (
         "no error bars as it is set",
         ("{walk}", "--method", "dynammo", "--set", "em=imputed", "--set", "max_iterations=2", "--max-error", "9"),

@@ -109,7 +109,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     scene = Scene(take, params)
     passes, again, heavy = 0, True, False
     while wanted.any() and passes < params.passes and again:
-        scene.fill(wanted)
+        scene.fill(wanted, only_pieced=passes > 0 and not heavy)
         passes += 1
         heavy |= scene.contaminated
         again = heavy or (scene.pieced and passes == 1)
@@ -119,7 +119,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
         filled=filled,
         sd=np.where(filled, scene.sd, 0.0),
         reason="closed form" if passes else "nothing to fill",
-        facts={"passes": passes, "gaps": scene.n_gaps},
+        facts={"passes": passes},
     )
 
 
@@ -139,17 +139,18 @@ class Scene:
         self.known = take.trusted | np.isfinite(self.sd)
         self.learnable = self.known
         self.mean, self.variance = distances(self.positions, take.trusted)
-        self.contaminated, self.pieced, self.n_gaps = False, False, 0
+        self.contaminated, self.pieced = False, False
         self.ends, self.lengths, self.spreads = stiff_bones(take, params.bone_spread)
 
-    def fill(self, wanted: Bools) -> None:
-        """Fill every wanted (F, M) gap that is not known, all from the same state."""
-        self.contaminated, self.pieced, self.n_gaps = False, False, 0
+    def fill(self, wanted: Bools, *, only_pieced: bool = False) -> None:
+        """Fill every wanted (F, M) gap that is not known, or only those that go in pieces, all from the same state."""
+        self.contaminated, self.pieced = False, False
         positions, sd = self.positions.copy(), self.sd.copy()
         for marker, start, stop in column_runs(wanted & ~self.known):
-            self.n_gaps += 1
             pieces = self.pieces(marker, start, stop)
             self.pieced |= len(pieces) > 1
+            if only_pieced and len(pieces) == 1:
+                continue
             for first, last in pieces:
                 found = Piece(self, marker, first, last).fill()
                 positions[first:last, marker], sd[first:last, marker] = found
