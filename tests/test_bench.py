@@ -174,7 +174,7 @@ def test_parameters_are_part_of_the_key(folder, tmp_path):
         (("--methods", "llc"), "llc needs a trained dictionary"),
         (("--set", "svt.step=1"), "--set must name a method of this run"),
         (("--set", "linear.width=1"), "unknown key 'methods.linear.width'"),
-        (("--set", "trnn2.max_iterations=many"), "trnn2.max_iterations"),
+        (("--methods", "trnn2", "--set", "trnn2.max_iterations=many"), "trnn2.max_iterations"),
         (("--set", "step=1"), "--set must be method.parameter=value"),
         (("--unit", "yards"), "--unit must be"),
         (("--folder", "nowhere"), "--folder must be a folder"),
