@@ -24,7 +24,8 @@ KERNELS = tuple((length, noise) for length in (8.0, 20.0, 50.0) for noise in (1e
 """Lengths ℓ in frames at 120 Hz, and noise as a share of the process's variance; the polygon comes last."""
 N_KERNELS = len(KERNELS) + 1
 POLYGON = 300.0
-N_BESIDE, PRIOR = 2, 1.0
+N_BESIDE, PRIOR = 2, 4.0
+MEDIAN = 0.789  # of the mean of three squared normal deviates
 
 
 def bridge_short(positions: Floats, trusted: Bools, longest: int, rate: float) -> tuple[Floats, Floats]:
@@ -52,7 +53,7 @@ def bridge_short(positions: Floats, trusted: Bools, longest: int, rate: float) -
 
 
 def _trials(track: Floats, known: Ints, length: int, bridges: "Bridges") -> tuple[Floats, Floats]:
-    """For each kernel the median square miss of hidden samples of a track (F, 3), and the same by kriging variance.
+    """For each kernel the usual square miss of hidden samples of a track (F, 3), and the same by kriging variance.
 
     Not a number where there are too few samples to hide any.
     """
@@ -69,13 +70,13 @@ def _trials(track: Floats, known: Ints, length: int, bridges: "Bridges") -> tupl
         misses = np.square((weights @ track[near])[:, hidden - start] - track[hidden]).mean(axis=2)
         squares.append(misses.mean(axis=1))
         scaled.append((misses / variance[:, hidden - start]).mean(axis=1))
-    return np.median(squares, axis=0), np.median(scaled, axis=0)
+    return np.median(squares, axis=0) / MEDIAN, np.median(scaled, axis=0) / MEDIAN
 
 
 def _choose(trials: tuple[Floats, Floats], values: Floats, leave_out: Floats, place: int) -> tuple[int, float]:
     """The kernel that missed least, and its error per root kriging variance.
 
-    values: (k, 3) the samples near the gap, which lies before the sample ``place``. The trials count as two samples.
+    values: (k, 3) the samples near the gap, which lies before the sample ``place``. The trials count as four samples.
     """
     beside = slice(max(0, place - N_BESIDE), place + N_BESIDE)
     own = np.einsum("gkk->gk", leave_out)[:, beside]
