@@ -13,7 +13,6 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import argparse
 import csv
-from functools import partial
 from pathlib import Path
 from time import process_time
 
@@ -21,6 +20,7 @@ import numpy as np
 
 import mocapclean
 from mocapclean import metrics, selfcheck
+from mocapclean.choosing import prepared
 from mocapclean.errors import MocapcleanError
 from mocapclean.simulate import hide, occlude
 from mocapclean.solvers import SOLVERS
@@ -32,10 +32,9 @@ def compare(take, method, share, seed):
     """The errors and their samples, and the time of the check in units of that of the fill."""
     missing = occlude(take, np.random.default_rng(seed), share) & take.trusted
     broken = hide(take, missing)
-    module = SOLVERS[method]
-    solve = partial(module.solve, params=module.Params())
+    solve = prepared(method, SOLVERS[method].Params())
     started = process_time()
-    solution = solve(broken)
+    solution = solve(broken, missing)
     filled = process_time()
     found = selfcheck.check(broken, np.ones_like(missing), solve, selfcheck.Params()).total.error
     checked = process_time()

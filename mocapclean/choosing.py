@@ -2,18 +2,27 @@
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 from mocapclean import selfcheck
 from mocapclean.config import Settings
 from mocapclean.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.records import Bools, Candidate, Check, Choice, SelfCheck, Solution, Take
-from mocapclean.solvers import ERROR_BARS, SOLVERS
+from mocapclean.solvers import ERROR_BARS, GAPWISE, SOLVERS
 
 
-def solver(method: str, settings: Settings, library: Dictionary | None) -> Callable[[Take], Solution]:
-    """A method with its parameters and dictionary."""
-    return partial(SOLVERS[method].solve, params=getattr(settings.methods, method), library=library)
+def solver(method: str, settings: Settings, library: Dictionary | None) -> Callable[[Take, Bools], Solution]:
+    """A method with its parameters from the settings; see ``prepared``."""
+    return prepared(method, getattr(settings.methods, method), library)
+
+
+def prepared(method: str, params: Any, library: Dictionary | None = None) -> Callable[[Take, Bools], Solution]:
+    """A method with its parameters and dictionary, asked for the gaps of samples (F, M)."""
+    solve = partial(SOLVERS[method].solve, params=params, library=library)
+    if method in GAPWISE:
+        return lambda take, wanted: solve(take, wanted=wanted)
+    return lambda take, wanted: solve(take)
 
 
 def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> tuple[Choice, SelfCheck]:
@@ -55,7 +64,7 @@ def _check(method: str, take: Take, wanted: Bools, settings: Settings, library: 
     solve = solver(method, settings, library)
     found = selfcheck.check(take, wanted, solve, settings.hiding)
     if found.because and not take.trusted.all():
-        solve(take)  # raises where the method cannot be used
+        solve(take, wanted)  # raises where the method cannot be used
     return found
 
 

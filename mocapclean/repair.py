@@ -82,7 +82,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     if play.trusted.all():
         solution = Solution(positions=play.positions, filled=np.zeros_like(play.trusted), reason="nothing to fill")
     else:
-        solution = solver(settings.method, settings, library)(play)
+        solution = solver(settings.method, settings, library)(play, wanted)
     sd = _error_bars(play, solution, wanted, settings)
     merged = merge(play, solution, _certain_enough(play, wanted, sd, settings))
     written = formats.write(

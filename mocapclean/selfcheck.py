@@ -39,19 +39,21 @@ class Params:
     rounds: Annotated[int, Field(ge=1, le=100, description="k, 1, times that other samples are hidden and filled")] = 1
     least: Annotated[float, Field(ge=0, le=0.2, description="α, 1, share of trusted samples to hide at least")] = 0.01
     most: Annotated[float, Field(ge=0, le=0.2, description="β, 1, share of trusted samples to hide at most")] = 0.05
+    gaps: Annotated[int, Field(ge=1, description="n, 1, gaps of mean length that hold the most samples to hide")] = 80
 
 
 def check(
     take: Take,
     wanted: Bools,
-    solve: Callable[[Take], Solution],
+    solve: Callable[[Take, Bools], Solution],
     params: Params,
     leave: Callable[[float | None], bool] = lambda expected: False,
 ) -> SelfCheck:
     """The errors of a method on trusted samples of the take that it was not shown.
 
-    wanted: (F, M) the samples whose gaps are to be imitated. solve: the method. leave: whether a gap of this expected
-    3D error, mm, would be left unfilled. Where nothing can be hidden, the answer says why. Raises what solve raises.
+    wanted: (F, M) the samples whose gaps are to be imitated. solve: the method, asked for the gaps of
+    samples (F, M). leave: whether a gap of this expected 3D error, mm, would be left unfilled. Where nothing can be
+    hidden, the answer says why. Raises what solve raises.
     """
     pattern = _pattern(take, wanted)
     found: list[_Trial] = []
@@ -59,7 +61,7 @@ def check(
         hidden = hide(take, wanted, params, turn)
         if not hidden.any():
             break
-        solution = solve(replace(take, trusted=take.trusted & ~hidden))
+        solution = solve(replace(take, trusted=take.trusted & ~hidden), hidden)
         found += _trials(take, hidden, solution, leave)
     if not found:
         reason = f"none of the {len(pattern)} gaps fits where its marker is trusted"
@@ -91,7 +93,8 @@ def _room(take: Take, pattern: Gaps, params: Params) -> Floats:
     """How many samples to hide in gaps of each class of length: of all that are hidden, its share of the real loss."""
     lost = np.bincount(_classes(pattern), _lengths(pattern), minlength=len(metrics.LENGTH_CLASSES) + 1)
     n_trusted, n_lost = take.trusted.sum(), lost.sum()
-    goal = min(max(n_lost, params.least * n_trusted), params.most * n_trusted)
+    most = min(params.most * n_trusted, params.gaps * n_lost / max(len(pattern), 1))
+    goal = min(max(n_lost, params.least * n_trusted), most)
     return np.asarray(goal * lost / max(n_lost, 1))
 
 

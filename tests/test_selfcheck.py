@@ -118,7 +118,9 @@ class Stub:
     def __init__(self, take: Take, miss: np.ndarray, sd: np.ndarray | None = None, may=fillable) -> None:
         self.truth, self.miss, self.sd, self.may, self.shown = take.positions, miss, sd, may, []
 
-    def __call__(self, take: Take) -> Solution:
+    def __call__(self, take: Take, wanted: np.ndarray) -> Solution:
+        assert wanted.any()
+        assert not (wanted & take.trusted).any()
         self.shown.append(take)
         return Solution(positions=self.truth + self.miss, filled=self.may(take.trusted), sd=self.sd)
 
@@ -173,7 +175,7 @@ def test_every_round_hides_other_samples():
     assert len({shown.trusted.tobytes() for shown in stub.shown}) == 3
 
 
-def fails(take: Take) -> Solution:
+def fails(take: Take, wanted: np.ndarray) -> Solution:
     raise SolverError("no bone is known.")
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
 
 
 def matern(distances: NDArray[Any], length: float | Floats) -> Floats:
@@ -21,17 +22,18 @@ def matern(distances: NDArray[Any], length: float | Floats) -> Floats:
     return covariance
 
 
-def bridge(known: Floats, wanted: Floats, length: float, noise: float) -> tuple[Floats, Floats]:
-    """The weights (n, k) of values at times ``known`` (k,) in the conditional mean at times ``wanted`` (n,).
+def bridge(known: Ints, wanted: Ints, lengths: Floats, noises: Floats) -> tuple[Floats, Floats]:
+    """The weights (K, n, k) of values at times ``known`` (k,) in the conditional mean at times ``wanted`` (n,).
 
-    And the conditional variance (n,), as a share of the process's own. noise: the variance of the values' own errors,
-    as a share of it too. Without known times the weights are empty and the variance is 1.
+    And the conditional variance (K, n), as a share of the process's own; for each of K processes, of ``lengths`` (K,)
+    and with ``noises`` (K,), the variance of the values' own errors as a share of the process's. Times are whole.
+    Without known times the weights are empty and the variance is 1.
     """
     if not len(known):
-        return np.zeros((len(wanted), 0)), np.ones(len(wanted))
-    own = matern(known[:, None] - known, length)
-    own[np.diag_indices_from(own)] += noise
-    across = matern(known[:, None] - wanted, length)
-    weights = np.linalg.solve(own, across)
-    variance = 1.0 - np.einsum("kn,kn->n", across, weights)
-    return np.asarray(weights.T, dtype=np.float64), np.maximum(variance, 0.0)
+        return np.zeros((len(lengths), len(wanted), 0)), np.ones((len(lengths), len(wanted)))
+    own, across = np.abs(known[:, None] - known), np.abs(known[:, None] - wanted)
+    covariance = matern(np.arange(max(own.max(), across.max()) + 1), lengths[:, None])
+    systems = covariance[:, own] + noises[:, None, None] * np.eye(len(known))
+    solved = np.linalg.solve(systems, covariance[:, across])
+    variance = 1.0 - np.einsum("gkn,gkn->gn", covariance[:, across], solved)
+    return np.asarray(solved.swapaxes(1, 2), dtype=np.float64), np.maximum(variance, 0.0)

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dposv
 
 from mocapclean.numerics.matern import bridge
 
@@ -22,11 +23,11 @@ Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
 
-RIDGES = np.logspace(-7, 0, 8)
+RIDGES = np.logspace(-6, 0, 6)
 KERNELS = ((5.0, 1e-2), (10.0, 1e-2), (20.0, 1e-2), (40.0, 1e-2), (80.0, 1e-2), (20.0, 1e-1), (60.0, 1e-1))
 """Lengths ℓ in frames at 120 Hz, and noise as a share of the process's variance."""
 N_FOLDS = 3
-SHARPNESS = 24.0
+SHARPNESS = 48.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,18 +87,16 @@ class Bridges:
     """The bridging operators of one layout, shared by all predictions from it."""
 
     def __init__(self, layout: Layout, rate: float) -> None:
-        scale = rate / 120.0
-        kernels = [(length * scale, noise) for length, noise in KERNELS]
-        times = layout.sides.astype(float), layout.gap.astype(float)
-        self.gap = [bridge(*times, *kernel) for kernel in kernels]
+        lengths, noises = np.transpose(KERNELS)
+        kernels = lengths * rate / 120.0, noises
+        self.gap = bridge(layout.sides, layout.gap, *kernels)
         self.groups: list[tuple[Ints, Ints, Floats]] = []
         patterns, kind = np.unique(layout.beside_known, axis=0, return_inverse=True)
-        inside, beside = layout.inside.astype(float), layout.beside.astype(float)
         for k, pattern in enumerate(patterns):
             use = np.flatnonzero(pattern)
-            operators = np.stack([bridge(beside[use], inside, *kernel)[0] for kernel in kernels])
+            operators, _ = bridge(layout.beside[use], layout.inside, *kernels)
             self.groups.append((np.flatnonzero(kind.ravel() == k), use, operators))
-        self.window_shapes = np.stack([bridge(beside, inside, *kernel)[1] for kernel in kernels])
+        self.window_shapes = bridge(layout.beside, layout.inside, *kernels)[1]
 
 
 def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hidden: Bools, floor: float) -> Kriged:
@@ -123,7 +122,7 @@ def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hi
         shares = np.full((len(KERNELS), len(RIDGES)), 1.0 / (len(KERNELS) * len(RIDGES)))
         misses = np.zeros((0, n_inside, 3))
     values = np.tile(level, (len(layout.gap), 1))
-    for share, (operator, _) in zip(shares, bridges.gap, strict=True):
+    for share, operator in zip(shares, bridges.gap[0], strict=True):
         if share.any():
             weight = np.tensordot(share, weights[-1], axes=1)
             values += features[gap] @ weight + operator @ (share.sum() * target[sides] - features[sides] @ weight)
@@ -131,7 +130,7 @@ def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hi
     return Kriged(
         values=values,
         misses=misses,
-        shape=sum(s * v for s, (_, v) in zip(kernel_shares, bridges.gap, strict=True)),
+        shape=kernel_shares @ bridges.gap[1],
         window_shape=kernel_shares @ bridges.window_shapes,
     )
 
@@ -143,8 +142,9 @@ def _ridge_weights(features: Floats, target: Floats, hidden: Bools) -> Floats:
     crosses = np.stack([cross - features[h].T @ target[h] for h in hidden] + [cross])
     n_features = len(gram)
     scale = 3.0 * np.trace(gram) / n_features or 1.0
-    systems = grams[:, None] + (scale * RIDGES)[None, :, None, None] * np.eye(n_features)
-    found: Floats = np.linalg.solve(systems, np.broadcast_to(crosses[:, None], (*systems.shape[:-1], 3)))
+    found = np.empty((len(grams), len(RIDGES), n_features, 3))
+    for fold, k in np.ndindex(found.shape[:2]):
+        found[fold, k] = dposv(grams[fold] + scale * RIDGES[k] * np.eye(n_features), crosses[fold])[1]
     return found
 
 
@@ -189,12 +189,16 @@ def _shares(errors: Floats, floor: float) -> Floats:
 def window_offsets(length: int, rate: float, before: bool, after: bool, n_inside: int) -> tuple[Ints, Ints]:
     """The frames inside and beside a window of ``length`` frames, counted from its start; denser near its ends."""
     inside = np.unique(np.round(np.linspace(0, length - 1, min(length, n_inside))).astype(np.intp))
-    steps = np.unique(np.maximum(np.round(np.array(_STEPS) * rate / 120.0), 1.0).astype(np.intp))
-    beside = [-steps[::-1]] * before + [length - 1 + steps] * after
+    beside = [-steps(rate)[::-1]] * before + [length - 1 + steps(rate)] * after
     return inside, np.concatenate([*beside, np.zeros(0, dtype=np.intp)]).astype(np.intp)
 
 
-_STEPS = (1, 2, 3, 5, 8, 12, 18, 27, 40)
+def steps(rate: float) -> Ints:
+    """Which of the samples beside a gap are used, counted from it, from 1: near ones all, far ones sparsely."""
+    return np.unique(np.maximum(np.round(np.array(_STEPS) * rate / 120.0), 1.0).astype(np.intp))
+
+
+_STEPS = (1, 2, 3, 5, 8, 13, 21, 34)
 
 
 def spread_out(candidates: Ints, n_wanted: int, apart: int) -> Ints:

@@ -9,9 +9,9 @@ Floats = NDArray[np.float64]
 
 _SAMPLE = 100
 _ROUNDS = 2
-_TURNS = 30
-_MOVED = 1e-7  # Newton's step after this one would be its square
-_NUDGE = 1e-12 * np.array([[1.0, 0.3, -0.2], [-0.4, 1.1, 0.5], [0.1, -0.6, 0.9]])  # off singular matrices
+_TURNS = 60
+_MOVED = 1e-9  # of λ, which is between 1 and √3; the step after this one would be its square
+_FLAT = 1e-5  # (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁)
 
 
 def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> BodyFrames:
@@ -38,32 +38,38 @@ def _moments(offsets: Floats, shape: Floats, share: Floats) -> Floats:
 def rotations(moments: Floats) -> Floats:
     """The rotations R (n, 3, 3), det R = 1, that maximise tr(Rᵀ H) for matrices H (n, 3, 3).
 
-    R is the polar factor of H + cof H / σ₁, which has the singular vectors of H and a smallest singular value of the
-    sign that makes them a rotation, also where H has rank 2. It is found by Newton's iteration, scaled: N. J. Higham,
-    1986, doi:10.1137/0907079. Where H has rank 1, R is one of the many.
+    F. L. Markley, 1993, Attitude determination using vector observations: a fast optimal matrix algorithm: with the
+    largest root λ of (λ² − ‖H‖²)² − 8 λ det H − 4 ‖cof H‖² = 0, which is max tr(Rᵀ H),
+
+        R = ((κ + ‖H‖²) H + λ cof H − H Hᵀ H) / (κ λ − det H),   κ = (λ² − ‖H‖²) / 2.
+
+    Newton's iteration finds λ from above. A last step of N. J. Higham's, 1986, doi:10.1137/0907079, takes away what
+    rounding left. Where H is near rank 1 the formula loses its digits and the singular vectors serve; R is then one of
+    many.
     """
     size = np.sqrt(np.einsum("nij,nij->n", moments, moments))
-    factor = np.ascontiguousarray(np.moveaxis(moments, 0, 2)) / np.where(size > 0.0, size, 1.0)
-    factor += _cofactors(factor) / _largest(factor) + _NUDGE[..., None]
-    factor[..., size <= 0.0] = np.eye(3)[..., None]
+    unit = np.ascontiguousarray(np.moveaxis(moments, 0, 2)) / np.where(size > 0.0, size, 1.0)
+    cofactors = _cofactors(unit)
+    determinant, minors = np.einsum("jn,jn->n", unit[0], cofactors[0]), np.einsum("ijn,ijn->n", cofactors, cofactors)
+    most = np.full(len(size), np.sqrt(3.0))
     for _ in range(_TURNS):
-        inverse = _cofactors(factor)
-        inverse /= np.einsum("jn,jn->n", factor[0], inverse[0])
-        scale = np.sqrt(np.sqrt(np.einsum("ijn,ijn->n", inverse, inverse) / np.einsum("ijn,ijn->n", factor, factor)))
-        following = 0.5 * (scale * factor + inverse / scale)
-        moved = float(np.abs(following - factor).max(initial=0.0))
-        factor = following
-        if moved < _MOVED:
+        excess = most * most - 1.0
+        slope = 4.0 * most * excess - 8.0 * determinant
+        step = (excess * excess - 8.0 * most * determinant - 4.0 * minors) / np.maximum(slope, _FLAT)
+        most -= step
+        if step.max(initial=0.0) < _MOVED:
             break
-    return np.moveaxis(factor, 2, 0)
-
-
-def _largest(matrices: Floats) -> Floats:
-    """The largest singular values (n,) of matrices (3, 3, n), up to 4 % too large; at least 1e-3."""
-    power = np.einsum("kin,kjn->nij", matrices, matrices)
-    for _ in range(3):
-        power = power @ power
-    return np.asarray(np.maximum(np.einsum("nij,nij->n", power, power) ** 0.03125, 1e-3))
+    kappa = 0.5 * (most * most - 1.0)
+    denominator = kappa * most - determinant
+    flat = denominator < _FLAT
+    cube = np.einsum("ikn,kln->iln", np.einsum("ijn,kjn->ikn", unit, unit), unit)
+    found = ((kappa + 1.0) * unit + most * cofactors - cube) / np.where(flat, 1.0, denominator)
+    turned: Floats = np.moveaxis(0.5 * (found + _cofactors(found)), 2, 0)
+    if flat.any():
+        left, _, right = np.linalg.svd(moments[flat])
+        left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+        turned[flat] = left @ right
+    return turned
 
 
 def _cofactors(matrices: Floats) -> Floats:

@@ -8,7 +8,8 @@ A method module has
 - ``solve(take, params, library=None)``: the Solution; ``library`` is the trained Dictionary, for the methods that
   learn from other takes.
 
-``ERROR_BARS`` names the methods whose Solution has ``sd`` with their default parameters.
+``ERROR_BARS`` names the methods whose Solution has ``sd`` with their default parameters. ``GAPWISE`` names those that
+take ``wanted``, samples (F, M), and need not answer for gaps without any.
 
 A method never reads an untrusted sample, never answers for a marker or a frame in which nothing is trusted, and
 knows no file, clock, terminal or global random state.
@@ -59,3 +60,4 @@ SOLVERS: dict[str, ModuleType] = {
 }
 
 ERROR_BARS = ("kriging", "dynammo", "kalman")
+GAPWISE = ("kriging",)

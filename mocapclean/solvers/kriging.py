@@ -18,8 +18,8 @@ or pairs of markers that prove rigid, pull filled samples to where the lengths h
 Our own; parts after N. Cressie, 1993, doi:10.1002/9781119115151 (regression kriging); W. Kabsch, 1976,
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
 
-Cost per gap of L frames with q neighbours: O(n q²) for n about 800 + L frames to learn and test from, and
-O(q³) for 32 ridge systems in each of five views. Nothing grows with the take but the search for windows.
+Cost per gap of L frames with q neighbours: O(n q²) for n about 600 + L frames to learn and test from, and
+O(q³) for 24 ridge systems in each of five views. Nothing grows with the take but the search for windows.
 """
 
 from dataclasses import dataclass as plain_dataclass
@@ -37,7 +37,7 @@ from mocapclean.numerics import interpolation
 from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.bone_projection import project
 from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.regression_kriging import Bridges, Kriged, Layout, krige, spread_out, window_offsets
+from mocapclean.numerics.regression_kriging import Bridges, Kriged, Layout, krige, spread_out, steps, window_offsets
 from mocapclean.numerics.segment_frames import segment_frames
 from mocapclean.numerics.short_gaps import bridge_short
 from mocapclean.numerics.stacking import stacking_weights
@@ -62,9 +62,9 @@ class Params:
     rigidity: Annotated[
         float, Field(gt=0, description="s, mm, SD of a distance below which neighbours count as equally rigid")
     ] = 2.0
-    noise: Annotated[float, Field(gt=0, description="e, mm, errors below which windows count as equal")] = 0.1
+    noise: Annotated[float, Field(gt=0, description="e, mm, errors below which windows count as equal")] = 0.03
     windows: Annotated[int, Field(ge=0, description="w, 1, most windows that a gap is tried on")] = 12
-    learnt: Annotated[int, Field(ge=20, description="n, 1, most frames that a gap is learnt from")] = 400
+    learnt: Annotated[int, Field(ge=20, description="n, 1, most frames that a gap is learnt from")] = 300
     shrinkage: Annotated[
         float, Field(ge=0, lt=1, description="c, 1, share taken off the covariances of the views' errors")
     ] = 0.3
@@ -90,7 +90,7 @@ VIEWS = (View(12, 12), View(6, 6), View(24, 24, 5.0), View(4, 24), View(0, 24))
 """What a gap is predicted from; markers are taken in the order of their rigidity."""
 
 SHORT, SIDE, JOINT = 1.0 / 24.0, 1.0 / 3.0, 1.0 / 12.0  # seconds
-N_EVIDENCE, N_INSIDE, N_SAMPLED = 8, 10, 300
+N_EVIDENCE, N_INSIDE, N_SAMPLED = 8, 6, 300
 MARGIN, NEAR = 3, 5  # frames at 120 Hz
 APART = 0.3
 FEATURE_LOOSENESS = 2.5
@@ -100,20 +100,25 @@ MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
 DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
+def solve(take: Take, params: Params, library: Dictionary | None = None, wanted: Bools | None = None) -> Solution:
     """Fill every marker and frame that has some evidence, ends of the take included.
 
+    wanted: (F, M) bool, the samples whose gaps need an answer; the others are filled only where these learn from them.
     ``sd`` is there for every filled sample.
     """
-    wanted = fillable(take.trusted)
+    possible = fillable(take.trusted)
     scene = Scene(take, params)
-    passes, again, heavy = 0, True, False
-    while wanted.any() and passes < params.passes and again:
-        scene.fill(wanted, only_pieced=passes > 0 and not heavy)
+    every = list(column_runs(possible & ~scene.known))
+    asked = [(k, a, b) for k, a, b in every if wanted is None or wanted[a:b, k].any()]
+    passes, heavy, gaps = 0, False, asked
+    while gaps and passes < params.passes:
+        poor, pieced = scene.fill(gaps)
         passes += 1
-        heavy |= scene.contaminated
-        again = heavy or (scene.pieced and passes == 1)
-    filled = wanted & np.isfinite(scene.sd)
+        if poor and passes == 1:
+            scene.fill([gap for gap in every if gap not in asked])
+        heavy |= poor
+        gaps = every if heavy else pieced if passes == 1 else []
+    filled = possible & np.isfinite(scene.sd)
     return Solution(
         positions=np.where(filled[..., None] | take.trusted[..., None], scene.positions, 0.0),
         filled=filled,
@@ -123,12 +128,15 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     )
 
 
+Gap = tuple[int, int, int]
+"""Marker, first frame, frame after the last."""
+
+
 class Scene:
     """A take while it is being filled.
 
     positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; learnable (F, M):
-    what may be learnt from. sd (F, M): NaN where nothing is filled. contaminated: whether some gap had to be learnt
-    from frames that were not known; pieced: whether some gap was filled in pieces.
+    what may be learnt from. sd (F, M): NaN where nothing is filled.
     """
 
     def __init__(self, take: Take, params: Params) -> None:
@@ -139,24 +147,24 @@ class Scene:
         self.known = take.trusted | np.isfinite(self.sd)
         self.learnable = self.known
         self.mean, self.variance = distances(self.positions, take.trusted)
-        self.contaminated, self.pieced = False, False
         self.ends, self.lengths, self.spreads = stiff_bones(take, params.bone_spread)
 
-    def fill(self, wanted: Bools, *, only_pieced: bool = False) -> None:
-        """Fill every wanted (F, M) gap that is not known, or only those that go in pieces, all from the same state."""
-        self.contaminated, self.pieced = False, False
+    def fill(self, gaps: list[Gap]) -> tuple[bool, list[Gap]]:
+        """Fill gaps, all from the same state. Whether one had to learn from poor frames, and those filled in pieces."""
+        poor, pieced = False, []
         positions, sd = self.positions.copy(), self.sd.copy()
-        for marker, start, stop in column_runs(wanted & ~self.known):
-            pieces = self.pieces(marker, start, stop)
-            self.pieced |= len(pieces) > 1
-            if only_pieced and len(pieces) == 1:
-                continue
-            for first, last in pieces:
-                found = Piece(self, marker, first, last).fill()
-                positions[first:last, marker], sd[first:last, marker] = found
-            join(positions[:, marker], pieces, self.rate)
+        for marker, start, stop in gaps:
+            spans = self.pieces(marker, start, stop)
+            parts = [Piece(self, marker, *span) for span in spans]
+            for (first, last), part in zip(spans, parts, strict=True):
+                positions[first:last, marker], sd[first:last, marker] = part.fill()
+            join(positions[:, marker], spans, self.rate)
+            poor |= any(part.poor for part in parts)
+            if len(parts) > 1:
+                pieced.append((marker, start, stop))
         self.positions, self.sd = self.held(positions, sd), sd
         self.learnable = self.known | np.isfinite(sd)
+        return poor, pieced
 
     def held(self, positions: Floats, sd: Floats) -> Floats:
         """Positions (F, M, 3), the filled ones moved to where they keep the lengths of bones, each as it is unsure."""
@@ -198,7 +206,10 @@ class Scene:
 
 
 class Piece:
-    """Frames start to stop of a gap of one marker, with the evidence that is seen in all of them."""
+    """Frames start to stop of a gap of one marker, with the evidence that is seen in all of them.
+
+    poor: whether it had to be learnt from frames that lack much of the evidence.
+    """
 
     def __init__(self, scene: Scene, marker: int, start: int, stop: int) -> None:
         self.scene, self.marker, self.start, self.stop = scene, marker, start, stop
@@ -210,6 +221,7 @@ class Piece:
         own = np.square(sd[start:stop]).mean()
         self.surer = ~self.seen & (np.square(sd) <= SURER * own)
         self.surer[start:stop] = False
+        self.poor = False
 
     def fill(self) -> tuple[Floats, Floats]:
         """Positions (L, 3) and SD (L,); NaN where there is no evidence."""
@@ -264,11 +276,14 @@ class Piece:
         weights = scene.rigidity(self.marker)[self.evidence]
         lacking = ~scene.learnable[:, self.evidence] @ (weights / weights.sum())
         reach = max(1, round(SIDE * scene.rate))
-        around = np.arange(max(0, self.start - reach), min(n_frames, self.stop + reach))
-        sides = around[self.seen[around] | self.surer[around]]
-        before, after = bool((sides < self.start).any()), bool((sides >= self.stop).any())
-        starts, length = self.starts(lacking, before, after)
-        inside, beside = window_offsets(length, scene.rate, before, after, N_INSIDE)
+        usable = self.seen | self.surer
+        ahead = np.flatnonzero(usable[max(0, self.start - reach) : self.start][::-1])
+        behind = np.flatnonzero(usable[self.stop : self.stop + reach])
+        picked = steps(scene.rate) - 1
+        before = self.start - 1 - ahead[picked[picked < len(ahead)]]
+        after = self.stop + behind[picked[picked < len(behind)]]
+        starts, length = self.starts(lacking, len(before) > 0, len(after) > 0)
+        inside, beside = window_offsets(length, scene.rate, len(before) > 0, len(after) > 0, N_INSIDE)
         places = starts[:, None] + np.append(inside, beside)
         frames = np.clip(places, 0, n_frames - 1)
         return Layout(
@@ -277,7 +292,7 @@ class Piece:
             inside=inside,
             beside=beside,
             beside_known=((frames == places) & self.seen[frames])[:, len(inside) :],
-            sides=sides,
+            sides=np.append(before[::-1], after),
             gap=np.arange(self.start, self.stop),
         )
 
@@ -288,7 +303,7 @@ class Piece:
         if len(whole) < min(self.scene.params.learnt, len(known) / 2):
             least_lacking = known[np.argsort(lacking[known], kind="stable")]
             whole = np.sort(least_lacking[: max(int(MOST_LEARNT * len(known)), FEWEST)])
-            self.scene.contaminated |= bool(lacking[whole].mean() > CLEAN)
+            self.poor = bool(lacking[whole].mean() > CLEAN)
         return spread_out(whole, self.scene.params.learnt, 1)
 
     def starts(self, lacking: Floats, before: bool, after: bool) -> tuple[Ints, int]:
@@ -349,7 +364,7 @@ def distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
     frames = spread_out(np.arange(len(trusted)), N_SAMPLED, 1)
     seen = trusted[frames]
     both = seen[:, :, None] & seen[:, None]
-    apart = np.linalg.norm(positions[frames][:, :, None] - positions[frames][:, None], axis=3)
+    apart = np.sqrt(sum(np.square(x[:, :, None] - x[:, None]) for x in np.moveaxis(positions[frames], 2, 0)))
     count = both.sum(axis=0)
     mean = np.sum(apart, axis=0, where=both) / np.maximum(count, 1)
     variance = np.sum(np.square(apart - mean), axis=0, where=both) / np.maximum(count, 1)

@@ -138,3 +138,22 @@ def test_random_loss_is_filled_everywhere(rng):
     assert np.array_equal(solution.filled, fillable(take.trusted))
     assert rms((solution.positions - truth)[solution.filled]) < 1.0
     assert solution.facts["passes"] == 1
+
+
+def test_gaps_that_nobody_asks_for_are_left_and_the_others_do_not_change():
+    missing = missing_of([(1, 100, 140), (8, 300, 360)])
+    asked = missing_of([(8, 310, 320)])
+    take = take_of(body(noise=0.3), missing)
+    whole, part = solve(take, Params(bone_spread=0.0)), solve(take, Params(bone_spread=0.0), wanted=asked)
+    assert np.array_equal(part.filled, missing_of([(8, 300, 360)]))
+    assert np.array_equal(part.positions[300:360, 8], whole.positions[300:360, 8])
+    assert np.array_equal(part.sd[300:360, 8], whole.sd[300:360, 8])
+
+
+def test_gaps_that_nobody_asks_for_are_filled_where_others_learn_from_them(rng):
+    truth = body(240)
+    missing = block_loss(240, 15, 40, 8, rng)
+    asked = missing & (np.arange(15) == 3)
+    whole, part = solve(take_of(truth, missing), Params()), solve(take_of(truth, missing), Params(), wanted=asked)
+    assert part.filled.sum() > asked.sum()
+    assert rms((part.positions - truth)[asked]) < 1.5 * rms((whole.positions - truth)[asked]) + 0.1
