@@ -278,6 +278,24 @@ def test_wang_learns_from_the_same_subject_and_never_from_the_take(folder, tmp_p
     assert all(value > 0 for value in found.values())
 
 
+@pytest.mark.parametrize(("extra", "expected"), [((), {150.0, 450.0, 1350.0}), (("--set", "svt.threshold=99"), {0.0})])
+def test_wang_tunes_a_competitor_unless_the_user_does(folder, tmp_path, extra, expected):
+    code, text, _ = run(
+        *("wang2016", "7_01", "--folder", folder, "--quick", "--methods", "svt", "--no-plots", "--out-dir", tmp_path),
+        *extra,
+    )
+    assert code == 0
+    assert "7_01 is tested, learnt from: 7_02." in text or extra
+    assert {float(row["tuned"]) for row in rows_of(tmp_path / "wang2016.csv")} <= expected
+
+
+def test_wang_holds_out_all_takes_under_test_while_one_is_left(folder):
+    names = ("7_01", "7_02", "8_01")
+    seven, other, eight = (jobs.Capture(path=folder / f"{name}.c3d") for name in names)
+    assert wang2016.split_of(seven, Choice(captures=(seven,), folder=(other, eight))) == [other]
+    assert wang2016.split_of(seven, Choice(captures=(seven, other), folder=(eight,))) == [other]
+
+
 def test_wang_needs_another_take(capture):
     with pytest.raises(UsageError, match="other takes must be there"):
         wang2016.jobs(Choice(captures=(capture,), methods=("llc",)))

@@ -4,8 +4,13 @@ Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016: random loss and b
 60 frames; per-frame RMSE (8) in cm, the root of the mean squared distance over the missing markers of a frame, √3 times
 the RMSE of a coordinate.
 
-Training: all other takes of the same subject (the file name up to the first ``_``) among the captures and the folder;
-where there are none, all takes of other subjects. The take under test is never among them.
+Training: the other takes of the same subject (the file name up to the first ``_``) among the captures and the folder,
+without those that are tested too where that leaves one; where there are none, all takes of other subjects. The take
+under test is never among them.
+
+The competitors are tuned as in the paper, by cross-validation on training takes: of three values of its main parameter
+a method gets the one with the least error on the first 600 frames of up to two of them, a fifth of the markers out in
+blocks of 60 frames; srmmp then learns from the others, and has its default where there is no other.
 """
 
 import hashlib
@@ -24,12 +29,19 @@ from mocapclean.errors import UsageError
 from mocapclean.records import Bools, Floats
 from mocapclean.training import Params, train
 
-MEASURES = ("rmse_cm", "seconds", "iterations", "converged", "left", "share")
+MEASURES = ("rmse_cm", "seconds", "iterations", "converged", "left", "share", "tuned")
 RATIOS = (0.1, 0.2, 0.3)
 LENGTH = 60
 QUICK_FRAMES = 240
 QUICK_TRAINING = Params(atoms=128, windows=1024, sweeps=2, hole_passes=1)
 ENTRIES = (Entry(method="dynammo"), Entry(method="srmmp"), Entry(method="svt"), Entry(method="llc"))
+TUNED: dict[str, tuple[str, tuple[float, ...]]] = {
+    "dynammo": ("states", (8, 16, 32)),
+    "srmmp": ("sparsity_weight", (1e-4, 1e-3, 1e-2)),
+    "svt": ("threshold", (150.0, 450.0, 1350.0)),
+}
+"""The parameter of a competitor that is tuned, and the values that it is tried with."""
+N_FOLDS, FOLD_FRAMES, FOLD_SHARE = 2, 600, 0.2
 
 
 def jobs(choice: Choice) -> list[Job]:
@@ -42,27 +54,75 @@ def jobs(choice: Choice) -> list[Job]:
         ratios = RATIOS[::2] if choice.quick else RATIOS
         blocks = [Loss(length=LENGTH, out=max(1, round(ratio * n_markers))) for ratio in ratios]
         chosen = [*(Loss(ratio=ratio) for ratio in ratios), *blocks]
-        learns = any(entry.method in LEARNERS and entry.learned is None for entry in entries)
-        split = split_of(capture, choice) if learns else []
-        found += _jobs(replace(choice, captures=(capture,)), entries, chosen, split, params)
+        split = split_of(capture, choice) if any(map(_learns, entries)) else []
+        lesson = Lesson(split, params, QUICK_FRAMES if choice.quick else FOLD_FRAMES)
+        found += _jobs(replace(choice, captures=(capture,)), entries, chosen, lesson)
     return found
 
 
-def _jobs(choice: Choice, entries: list[Entry], losses: list[Loss], split: list[Capture], params: Params) -> list[Job]:
+def _tunable(entry: Entry) -> bool:
+    return entry.method in TUNED and entry.learned is None and TUNED[entry.method][0] not in entry.changes
+
+
+def _learns(entry: Entry) -> bool:
+    return _tunable(entry) or (entry.method in LEARNERS and entry.learned is None)
+
+
+class Lesson:
+    """What is learnt from the training takes of one capture, when it is first needed."""
+
+    def __init__(self, split: list[Capture], params: Params, n_frames: int) -> None:
+        self.split, self.params, self.n_frames = split, params, n_frames
+        self.dictionary, self.tuned = cache(self._train), cache(self._tune)
+
+    def prepared(self, entry: Entry) -> Entry:
+        """The entry as it is run: tuned, and with the dictionary that it needs."""
+        if _tunable(entry):
+            entry = replace(entry, changes={**entry.changes, **self.tuned(entry.method)})
+        if entry.method in LEARNERS and entry.learned is None:
+            entry = replace(entry, learned=self.dictionary())
+        return entry
+
+    def _train(self) -> Dictionary:
+        return _learnt(self.split, self.params)
+
+    def _tune(self, method: str) -> dict[str, float]:
+        """The tuned parameter; none where there are too few takes."""
+        name, values = TUNED[method]
+        folds = self.split[:N_FOLDS]
+        if method in LEARNERS and len(self.split) == 1:
+            return {}
+        errors = [
+            sum(self._miss(Entry(method=method, changes={name: value}), fold) for fold in folds) for value in values
+        ]
+        return {name: values[int(np.argmin(errors))]}
+
+    def _miss(self, entry: Entry, fold: Capture) -> float:
+        """The error on a training take of an entry that has not learnt from it."""
+        short = replace(fold, n_frames=self.n_frames)
+        loss = Loss(length=LENGTH, out=max(1, round(FOLD_SHARE * len(fold.take.markers))))
+        others = [capture for capture in self.split if capture is not fold]
+        learned = _learnt(others, QUICK_TRAINING) if entry.method in LEARNERS else None
+        return float(run(short, replace(entry, learned=learned), loss, 0)[0]["rmse_cm"])
+
+
+def _learnt(captures: list[Capture], params: Params) -> Dictionary:
+    takes = [capture.take for capture in captures]
+    return train(takes, known_parts(takes[0].markers), params)
+
+
+def _jobs(choice: Choice, entries: list[Entry], losses: list[Loss], lesson: Lesson) -> list[Job]:
     """The jobs of one capture; what a method has learnt from is part of its key."""
 
-    @cache
-    def dictionary() -> Dictionary:
-        takes = [capture.take for capture in split]
-        return train(takes, known_parts(takes[0].markers), params)
+    def run_prepared(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
+        ready = lesson.prepared(entry)
+        measures, series = run(capture, ready, loss, seed)
+        found = ready.changes.get(TUNED[entry.method][0], 0.0) if _tunable(entry) else 0.0
+        return {**measures, "tuned": float(found)}, series
 
-    def run_trained(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
-        learns = entry.method in LEARNERS and entry.learned is None
-        return run(capture, replace(entry, learned=dictionary()) if learns else entry, loss, seed)
-
-    learnt = hashlib.sha256(repr([params, *(capture.digest for capture in split)]).encode()).hexdigest()[:8]
-    made = grid(choice.shortened(QUICK_FRAMES), entries, losses, run_trained)
-    return [replace(j, source=f"{j.source}<{learnt}") if j.entry.method in LEARNERS else j for j in made]
+    learnt = hashlib.sha256(repr([lesson.params, *(c.digest for c in lesson.split)]).encode()).hexdigest()[:8]
+    made = grid(choice.shortened(QUICK_FRAMES), entries, losses, run_prepared)
+    return [replace(j, source=f"{j.source}<{learnt}") if _learns(j.entry) else j for j in made]
 
 
 def split_of(capture: Capture, choice: Choice) -> list[Capture]:
@@ -70,6 +130,8 @@ def split_of(capture: Capture, choice: Choice) -> list[Capture]:
     known = {other.digest: other for other in (*choice.folder, *choice.captures)}
     others = [other for digest, other in known.items() if digest != capture.digest and other.name != capture.name]
     same = [other for other in others if _subject(other) == _subject(capture)]
+    tested = {other.name for other in choice.captures}
+    same = [other for other in same if other.name not in tested] or same
     if not others:
         raise UsageError(f"{capture.path}: other takes must be there to learn from. Name more, or give a --folder.")
     return sorted(same or others, key=lambda other: other.name)
@@ -81,7 +143,7 @@ def _subject(capture: Capture) -> str:
 
 def notes(choice: Choice) -> list[str]:
     """The training split."""
-    if not any(entry.method in LEARNERS for entry in choice.entries(ENTRIES, trained=True)):
+    if not any(map(_learns, choice.entries(ENTRIES, trained=True))):
         return []
     return [f"{c.name} is tested, learnt from: {_names(split_of(c, choice))}." for c in choice.captures]
 
@@ -105,6 +167,7 @@ def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
         "converged": int(solution.converged),
         "left": int((missing & ~filled).sum()),
         "share": float(missing.mean()),
+        "tuned": 0.0,
     }
     kept = not seed and loss.out == max(1, round(RATIOS[-1] * len(truth.markers)))
     return measures, {"seconds": np.arange(len(per_frame)) / truth.rate, "rmse_cm": per_frame} if kept else {}
@@ -121,7 +184,19 @@ def tables(results: Results) -> list[Table]:
     return [
         _table(results, "rmse_cm", "Per-frame RMSE (8), cm, mean over frames"),
         _table(results, "seconds", "Seconds"),
+        _tuned(results),
     ]
+
+
+def _tuned(results: Results) -> Table:
+    """What the competitors were tuned to."""
+    rows = []
+    for take in results.takes:
+        for method in TUNED:
+            value = results.where(take=take, label=method).mean("tuned")
+            if value:
+                rows.append((take, method, TUNED[method][0], number(value)))
+    return Table(title="Tuned by cross-validation", header=("take", "method", "parameter", "value"), rows=tuple(rows))
 
 
 def _table(results: Results, measure: str, title: str) -> Table:
