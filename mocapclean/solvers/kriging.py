@@ -5,10 +5,11 @@ are seen all through the gap, and a_t their places in the same frame:
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn 5/2 process that meets the samples beside the gap
 
-Several such views (few or many neighbours, stiff or loose frames, one that does not turn) are combined with weights
-w ≥ 0, Σ w = 1, that minimise the mean square error on windows: stretches as long as the gap where k is known, hidden
-from each view and bridged as the gap is. The same errors give the standard deviation of every filled sample: their
-size, spread over the gap as the variance of g is, and larger where the views disagree more than they do in windows.
+Several such views (few or many neighbours, stiff or loose frames, one that does not turn, one on the circle that two
+known distances leave) are combined with weights w ≥ 0, Σ w = 1, that minimise the mean square error on windows:
+stretches as long as the gap where k is known, hidden from each view and bridged as the gap is. The same errors give the
+standard deviation of every filled sample: their size, spread over the gap as the variance of g is, and larger where the
+views disagree more than they do in windows.
 
 A neighbour's rigidity is 1 / (SD of its distance to k)². Gaps of up to a twenty-fourth of a second are bridged over
 time alone (``numerics/short_gaps.py``) and then serve as evidence. A gap whose neighbours come and go is filled in
@@ -19,10 +20,11 @@ Our own; parts after N. Cressie, 1993, doi:10.1002/9781119115151 (regression kri
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
 
 Cost per gap of L frames with q neighbours: O(n q²) for n about 600 + L frames to learn and test from, and
-O(q³) for 24 ridge systems in each of five views. Nothing grows with the take but the search for windows.
+O(q³) for 24 ridge systems in each of six views. Nothing grows with the take but the search for windows.
 """
 
 from dataclasses import dataclass as plain_dataclass
+from dataclasses import replace
 from itertools import pairwise
 from typing import Annotated
 
@@ -37,6 +39,7 @@ from mocapclean.numerics import interpolation
 from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.bone_projection import project
 from mocapclean.numerics.evidence import fillable
+from mocapclean.numerics.hinge_frames import hinge_frames
 from mocapclean.numerics.regression_kriging import Bridges, Kriged, Layout, krige, spread_out, steps, window_offsets
 from mocapclean.numerics.segment_frames import segment_frames
 from mocapclean.numerics.short_gaps import bridge_short
@@ -78,15 +81,17 @@ class Params:
 class View:
     """How a gap is looked at: the frame is laid on ``n_framing`` markers (0: it only shifts), a holds ``n_features``.
 
-    looseness: times ``rigidity``, the SD of a distance below which neighbours frame alike.
+    looseness: times ``rigidity``, the SD of a distance below which neighbours frame alike. hinged: the frame is that of
+    a joint between two others that are at known distances from it and not from each other.
     """
 
     n_framing: int
     n_features: int
     looseness: float = 1.0
+    hinged: bool = False
 
 
-VIEWS = (View(12, 12), View(6, 6), View(24, 24, 5.0), View(4, 24), View(0, 24))
+VIEWS = (View(12, 12), View(6, 6), View(24, 24, 5.0), View(4, 24), View(0, 24), View(6, 12, hinged=True))
 """What a gap is predicted from; markers are taken in the order of their rigidity."""
 
 SHORT, SIDE, JOINT = 1.0 / 24.0, 1.0 / 3.0, 1.0 / 12.0  # seconds
@@ -95,6 +100,7 @@ MARGIN, NEAR = 3, 5  # frames at 120 Hz
 APART = 0.3
 FEATURE_LOOSENESS = 2.5
 REACH_RATIO = 25.0
+BENDING, N_HINGED, RADIUS = 5.0, 8, 10.0
 FEWEST = 10
 MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
 DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
@@ -234,34 +240,48 @@ class Piece:
         frames = layout.frames
         points = self.scene.positions[frames][:, self.evidence]
         target = self.scene.positions[frames, self.marker]
-        found = [self.look(view, layout, bridges, hidden, points, target) for view in self.views()]
-        return combine(found, layout, self.scene.params)
+        looks = [self.look(view, layout, bridges, hidden, points, target) for view in self.views()]
+        return combine([look for look in looks if look], layout, self.scene.params)
 
     def views(self) -> list[View]:
         """The views that the evidence allows, each kind once."""
         n = len(self.evidence)
-        usable = [View(min(v.n_framing, n), min(v.n_features, n), v.looseness) for v in VIEWS]
+        usable = [replace(v, n_framing=min(v.n_framing, n), n_features=min(v.n_features, n)) for v in VIEWS]
         return list(dict.fromkeys(view for view in usable if view.n_framing == 0 or n >= 3))
+
+    def hinge(self) -> list[int] | None:
+        """Which two of the evidence the marker turns between: rigid with both, these not with each other."""
+        scene = self.scene
+        own = np.sqrt(scene.variance[self.marker, self.evidence])
+        near = np.flatnonzero(own < scene.params.rigidity)[:N_HINGED]
+        bending = np.sqrt(scene.variance[np.ix_(self.evidence[near], self.evidence[near])])
+        bending[~np.isfinite(bending)] = 0.0
+        worth = bending / (1.0 + own[near] + own[near][:, None])
+        worth[bending <= BENDING * scene.params.rigidity] = 0.0
+        if not worth.any():
+            return None
+        return sorted(int(near[k]) for k in np.unravel_index(worth.argmax(), worth.shape))
 
     def look(
         self, view: View, layout: Layout, bridges: Bridges, hidden: Bools, points: Floats, target: Floats
-    ) -> Kriged:
-        """One view's answer, in the coordinates of the world."""
-        scene = self.scene
-        chosen = self.evidence[: view.n_features]
-        if view.n_framing:
-            framing = scene.rigidity(self.marker, view.looseness)[chosen[: view.n_framing]]
-            frames = segment_frames(points[:, : view.n_framing], framing, len(layout.learnt))
-            loose = max(FEATURE_LOOSENESS, view.looseness) * scene.params.rigidity
-            scales = 1.0 / np.sqrt(scene.variance[self.marker, chosen] + loose**2)
-        else:
-            origins = points[:, : view.n_features].mean(axis=1)
-            frames = BodyFrames(np.broadcast_to(np.eye(3), (len(points), 3, 3)), origins)
-            scales = 1.0 / (scene.mean[self.marker, chosen] + REACH_RATIO * scene.params.rigidity)
-        local = frames.to_local(points[:, : view.n_features]) * scales[:, None]
+    ) -> Kriged | None:
+        """One view's answer, in the coordinates of the world; None where it is not to be had."""
+        learnt, windows, _, gap = layout.parts
+        frames, radii = self.frames(view, points, len(layout.learnt)), None
+        if view.hinged:
+            pair = self.hinge()
+            lengths = self.scene.mean[self.marker, self.evidence[pair]] if pair else ()
+            hinged = hinge_frames(points[:, pair], tuple(lengths), frames, target, len(layout.learnt)) if pair else None
+            if not hinged:
+                return None
+            frames, radii = hinged
+        local = frames.to_local(points[:, : view.n_features]) * self.scales(view)[:, None]
+        features = local.reshape(len(points), -1)
+        if radii is not None:
+            share = (radii / radii[learnt].mean())[:, None]
+            features = np.hstack([(features - features[learnt].mean(axis=0)) * share, RADIUS * share])
         own = frames.to_local(target[:, None])[:, 0]
-        answer = krige(local.reshape(len(points), -1), own, layout, bridges, hidden, scene.params.noise**2)
-        _, windows, _, gap = layout.parts
+        answer = krige(features, own, layout, bridges, hidden, self.scene.params.noise**2)
         turned = frames.axes[windows].reshape(*layout.windows.shape, 3, 3)[:, : len(layout.inside)]
         return Kriged(
             values=np.einsum("nij,ni->nj", frames.axes[gap], answer.values) + frames.origins[gap],
@@ -269,6 +289,23 @@ class Piece:
             shape=answer.shape,
             window_shape=answer.window_shape,
         )
+
+    def frames(self, view: View, points: Floats, n_learnt: int) -> BodyFrames:
+        """The frames that travel with the framing markers, or only with the middle of all."""
+        if not view.n_framing:
+            origins = points[:, : view.n_features].mean(axis=1)
+            return BodyFrames(np.broadcast_to(np.eye(3), (len(points), 3, 3)), origins)
+        weights = self.scene.rigidity(self.marker, view.looseness)[self.evidence[: view.n_framing]]
+        return segment_frames(points[:, : view.n_framing], weights, n_learnt)
+
+    def scales(self, view: View) -> Floats:
+        """What the places of neighbours (n_features,) are multiplied by: the less, the less they tell."""
+        scene, chosen = self.scene, self.evidence[: view.n_features]
+        if not view.n_framing:
+            found: Floats = 1.0 / (scene.mean[self.marker, chosen] + REACH_RATIO * scene.params.rigidity)
+            return found
+        loose = max(FEATURE_LOOSENESS, view.looseness) * scene.params.rigidity
+        return np.asarray(1.0 / np.sqrt(scene.variance[self.marker, chosen] + loose**2), dtype=np.float64)
 
     def layout(self) -> Layout:
         """What is learnt from and tried on, where possible from frames in which all evidence is known."""

@@ -157,3 +157,21 @@ def test_gaps_that_nobody_asks_for_are_filled_where_others_learn_from_them(rng):
     whole, part = solve(take_of(truth, missing), Params()), solve(take_of(truth, missing), Params(), wanted=asked)
     assert part.filled.sum() > asked.sum()
     assert rms((part.positions - truth)[asked]) < 1.5 * rms((whole.positions - truth)[asked]) + 0.1
+
+
+def test_a_knee_between_hip_and_ankle_is_found_on_its_circle(rng):
+    t = np.arange(900) / RATE
+    swing, bend, lean = 0.6 * np.sin(5 * t), 1.0 + 0.8 * np.sin(5 * t + 1) + 0.2 * np.sin(13 * t), 0.3 * np.sin(3 * t)
+
+    def limb(length, angle):
+        return length * np.stack([np.sin(angle), np.cos(angle) * np.sin(lean), -np.cos(angle) * np.cos(lean)], axis=1)
+
+    hip = np.stack([800 * t, 20 * np.sin(5 * t), 900 + 30 * np.sin(10 * t)], axis=1)
+    knee = hip + limb(400, swing)
+    ankle = knee + limb(430, swing - bend)
+    others = [hip + offset for offset in rng.normal(size=(3, 3)) * 100]
+    truth = np.stack([hip, knee, ankle, ankle + limb(150, swing - bend + 1.5), *others], axis=1)
+    missing = np.zeros((900, 7), dtype=bool)
+    missing[400:520, 1] = True
+    solution = solve(take_of(truth, missing), Params())
+    assert rms((solution.positions - truth)[missing]) < 2.0
