@@ -1,6 +1,8 @@
-"""``mocapclean simulate``: takes with known truth and gaps, in all three formats."""
+"""``mocapclean simulate``: takes with known truth and gaps, in all three formats, and with known faults."""
 
+import csv
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -8,10 +10,11 @@ import numpy as np
 
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE
+from mocapclean.config import MILLIMETRES
 from mocapclean.errors import UsageError
 from mocapclean.formats import amc, bvh, c3d, check_output, new_file
 from mocapclean.records import Floats
-from mocapclean.simulate import MOTIONS, Performance, hide, lose_channels, occlude, perform
+from mocapclean.simulate import FAULTS, MOTIONS, Injected, Performance, hide, inject, lose_channels, occlude, perform
 
 
 @click.command("simulate")
@@ -20,29 +23,60 @@ from mocapclean.simulate import MOTIONS, Performance, hide, lose_channels, occlu
 @click.option("--seconds", type=float, default=10.0, show_default=True, help="Length of each take.")
 @click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second.")
 @click.option("--missing", type=float, default=0.05, show_default=True, help="Share of marker samples that are hidden.")
+@click.option("--faults", metavar="KIND,...", help=f"Put faults into the markers: all, or some of {', '.join(FAULTS)}.")
+@click.option("--fault-rate", type=float, default=1.0, show_default=True, help="Events of a kind for 10,000 samples.")
+@click.option("--fault-size", type=float, default=1.0, show_default=True, help="1: spikes of 20 mm; 2: twice as large.")
+@click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, stated as mm.")
 @click.option("--seed", type=int, default=0, show_default=True, help="The same seed gives the same files.")
 @click.option("--overwrite", is_flag=True, help="Replace files that exist.")
 @guarded
 def command(
-    out_dir: Path, motion: tuple[str, ...], seconds: float, rate: float, missing: float, seed: int, overwrite: bool
+    out_dir: Path,
+    motion: tuple[str, ...],
+    seconds: float,
+    rate: float,
+    missing: float,
+    faults: str | None,
+    fault_rate: float,
+    fault_size: float,
+    stated_as: str | None,
+    seed: int,
+    overwrite: bool,
 ) -> int:
-    """Write simulated takes, each with gaps and as the whole truth (NAME_truth), as C3D, BVH and AMC with ASF."""
+    """Write simulated takes, each with gaps and as the whole truth (NAME_truth), as C3D, BVH and AMC with ASF.
+
+    With --faults the markers of NAME.c3d have faults as well, and NAME_faults.csv says which: kind,marker,first,last.
+    """
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise UsageError(f"{out_dir}: the folder cannot be made: {fault.strerror}.") from None
+    kinds = [] if faults in (None, "all") else [kind.strip() for kind in str(faults).split(",") if kind.strip()]
     for name in motion or MOTIONS:
         performance = perform(name, seconds, rate, seed)
-        for path in _write(performance, out_dir, missing, np.random.default_rng([seed, 1]), overwrite):
+        injected = inject(
+            performance.markers, np.random.default_rng([seed, 2]), kinds, fault_rate if faults else 0.0, fault_size
+        )
+        if stated_as:
+            positions = injected.take.positions / MILLIMETRES[stated_as]
+            injected = replace(injected, take=replace(injected.take, positions=positions))
+        rng = np.random.default_rng([seed, 1])
+        for path in _write(performance, injected, out_dir, missing, rng, overwrite, with_list=bool(faults)):
             click.echo(path)
     return 0
 
 
 def _write(
-    performance: Performance, folder: Path, missing: float, rng: np.random.Generator, overwrite: bool
+    performance: Performance,
+    injected: Injected,
+    folder: Path,
+    missing: float,
+    rng: np.random.Generator,
+    overwrite: bool,
+    with_list: bool,
 ) -> list[Path]:
     name, rate = performance.name, performance.rate
-    broken = hide(performance.markers, occlude(performance.markers, rng, missing))
+    broken = hide(injected.take, occlude(performance.markers, rng, missing))
     bvh_broken = lose_channels(performance.bvh, performance.bvh_poses, rng)
     asf_broken = lose_channels(performance.asf, performance.asf_poses, rng)
     asf = folder / f"{name}.asf"
@@ -58,6 +92,8 @@ def _write(
         f"{name}_01_truth.amc": motion(performance.asf_poses),
         f"{name}_01.amc": motion(asf_broken),
     }
+    if with_list:
+        writers[f"{name}_faults.csv"] = lambda part: _list(injected, part)
     paths = [folder / file for file in writers]
     for path in (asf, *paths):
         check_output(path, None, overwrite)
@@ -65,3 +101,14 @@ def _write(
         with new_file(path) as part:
             write(part)
     return [asf, *paths]
+
+
+def _list(injected: Injected, path: Path) -> None:
+    """The faults, a line for each marker of each, in the file's own frame numbers, inclusive."""
+    take = injected.take
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(("kind", "marker", "first", "last"))
+        for event in injected.events:
+            for marker in event.markers:
+                writer.writerow((event.kind, take.markers[marker], *take.numbers(event.start, event.stop)))

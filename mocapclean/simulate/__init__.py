@@ -1,18 +1,23 @@
 """Takes with known truth: a figure that walks and boxes, its markers and skeletons, and ways to lose samples."""
 
+from mocapclean.simulate.faults import FAULTS, Event, Injected, inject
 from mocapclean.simulate.figure import asf_skeleton, bvh_skeleton
 from mocapclean.simulate.markers import MARKERS
 from mocapclean.simulate.occlusion import block_loss, hide, lose_channels, occlude, random_loss, single_gaps
 from mocapclean.simulate.performance import MOTIONS, Performance, perform
 
 __all__ = [
+    "FAULTS",
     "MARKERS",
     "MOTIONS",
+    "Event",
+    "Injected",
     "Performance",
     "asf_skeleton",
     "block_loss",
     "bvh_skeleton",
     "hide",
+    "inject",
     "lose_channels",
     "occlude",
     "perform",

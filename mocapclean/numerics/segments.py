@@ -1,0 +1,292 @@
+"""Where each marker should be by the markers around it: a ridge regression in the frame of its body segment.
+
+For every marker its most rigid partners span a frame, in which most of the motion is gone; in it the marker's place is
+regressed on theirs. The regression is robust: what it cannot
+explain counts little in the next fit. On request it also looks for the frame from which on a marker sits elsewhere in
+its segment for good: a step is added to the regression, and the frame where it explains most is taken.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapclean.numerics import interpolation
+from mocapclean.numerics.robust import nan_median
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.intp]
+
+_SAMPLE = 300
+_ENOUGH = 10
+_PARTNERS = 10
+_SLACK, _NEAR = 10.0, 50.0
+_TRAIN = 800
+_FITS = 3
+_FLOOR = 0.5
+_PENALTIES = np.logspace(-6, 1, 15)
+_CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
+_LONGEST_LAG = 200
+_NEWTON, _FLAT = 30, 1e-13
+
+
+@dataclass(frozen=True)
+class Rigidity:
+    """Median and robust SD (M, M) of the distances between markers; an infinite SD where too seldom seen together."""
+
+    distance: Floats
+    spread: Floats
+
+    def partners(self, marker: int) -> tuple[Ints, Floats]:
+        """The up to 10 markers that say most of where one is, and how much: 1 / (SD² + slack²) / (distance + 50)."""
+        weights = 1.0 / (self.spread[marker] ** 2 + _SLACK**2) / (self.distance[marker] + _NEAR)
+        weights[marker] = 0.0
+        order = np.argsort(-weights, kind="stable")[:_PARTNERS]
+        chosen = order[weights[order] > 0]
+        return chosen, weights[chosen]
+
+
+def rigidity(positions: Floats, trusted: Bools) -> Rigidity:
+    """The rigidity of all pairs, over up to 300 frames of positions (F, M, 3)."""
+    frames = _spaced(np.arange(len(trusted)), _SAMPLE)
+    known = np.where(trusted[frames, :, None], positions[frames], np.nan)
+    n_markers = positions.shape[1]
+    distance, spread = np.zeros((n_markers, n_markers)), np.full((n_markers, n_markers), np.inf)
+    for a in range(n_markers - 1):
+        offset = known[:, a + 1 :] - known[:, [a]]
+        apart = np.sqrt(np.einsum("fmc,fmc->fm", offset, offset))
+        seen = np.isfinite(apart).sum(axis=0) >= min(_ENOUGH, len(frames))
+        middle = nan_median(apart)
+        deviation = 1.4826 * nan_median(np.abs(apart - middle))
+        distance[a, a + 1 :] = distance[a + 1 :, a] = np.where(seen, middle, 0.0)
+        spread[a, a + 1 :] = spread[a + 1 :, a] = np.where(seen, deviation, np.inf)
+    return Rigidity(distance, spread)
+
+
+def segment_frames(shape: Floats, seen: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """The rotations (F, 3, 3) and centres (F, 3) that lay a shape (K, 3) on what is seen of it (F, K, 3).
+
+    weights: (K,). Local coordinates are ``(x - centre) @ rotation``. Weighted least squares by unit quaternions,
+    B. K. P. Horn, 1987, doi:10.1364/JOSAA.4.000629, the largest eigenvalue by Newton's method from above as in
+    D. L. Theobald, 2005, doi:10.1107/S0108767305015266.
+    """
+    share = weights / weights.sum()
+    centres = np.tensordot(seen, share, axes=(1, 0))
+    offset, model = seen - centres[:, None], shape - share @ shape
+    product = (share[:, None] * model).T @ offset
+    size = (share @ (model**2).sum(axis=1) + (offset**2).sum(axis=2) @ share) / 2
+    return _rotations(product, size), centres
+
+
+def _rotations(product: Floats, bound: Floats) -> Floats:
+    """The rotations (F, 3, 3) R that make trace(product (F, 3, 3) R) largest; bound: (F,), that it does not exceed."""
+    scale = np.maximum(bound, np.finfo(float).tiny)[:, None]
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (product.reshape(-1, 9) / scale).T.reshape(3, 3, -1)
+    matrix = np.array(
+        [
+            [xx + yy + zz, yz - zy, zx - xz, xy - yx],
+            [yz - zy, xx - yy - zz, xy + yx, zx + xz],
+            [zx - xz, xy + yx, yy - xx - zz, yz + zy],
+            [xy - yx, zx + xz, yz + zy, zz - xx - yy],
+        ]
+    ).transpose(2, 0, 1)
+    square = matrix @ matrix
+    second = np.trace(square, axis1=1, axis2=2)
+    third, fourth = (square * matrix).sum(axis=(1, 2)), (square * square).sum(axis=(1, 2))
+    c2, c1, c0 = -second / 2, -third / 3, second**2 / 8 - fourth / 4
+    largest = np.ones(len(matrix))
+    for _ in range(_NEWTON):
+        slope = 4 * largest**3 + 2 * c2 * largest + c1
+        step = (((largest**2 + c2) * largest + c1) * largest + c0) / np.where(np.abs(slope) > _FLAT, slope, np.inf)
+        largest = largest - step
+        if np.abs(step).max(initial=0.0) < _FLAT:
+            break
+    # The adjugate of matrix - largest, by Cayley and Hamilton, is a multiple of q q'.
+    l1, l2 = largest[:, None, None], (largest**2 + c2)[:, None, None]
+    adjugate = (
+        square @ matrix + l1 * square + l2 * matrix + ((largest**2 + c2) * largest + c1)[:, None, None] * np.eye(4)
+    )
+    best = np.argmax(np.abs(np.diagonal(adjugate, axis1=1, axis2=2)), axis=1)
+    w, x, y, z = (adjugate[np.arange(len(best)), best] + np.eye(4)[0] * np.finfo(float).tiny).T
+    norm = 2.0 / np.maximum(w * w + x * x + y * y + z * z, np.finfo(float).tiny)
+    return np.array(
+        [
+            [1 - norm * (y * y + z * z), norm * (x * y - w * z), norm * (x * z + w * y)],
+            [norm * (x * y + w * z), 1 - norm * (x * x + z * z), norm * (y * z - w * x)],
+            [norm * (x * z - w * y), norm * (y * z + w * x), 1 - norm * (x * x + y * y)],
+        ]
+    ).transpose(2, 0, 1)
+
+
+@dataclass(frozen=True)
+class Step:
+    """From frame ``start`` on a marker sits ``offset`` (3,) mm from where it sat, in its segment's frame.
+
+    score: the size of the step over its standard error. sudden: whether it is made within a frame.
+    """
+
+    marker: int
+    start: int
+    offset: Floats
+    score: float
+    sudden: bool = False
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What the others say of each marker.
+
+    residual: (F, M, 3) mm, the marker less what is expected, in its segment's frame; expected: (F, M, 3) mm, in the
+    world; rotation: (F, M, 3, 3), segment to world; known: (M,), whether anything is said; steps: the best of each
+    marker, if they were asked for.
+    """
+
+    residual: Floats
+    expected: Floats
+    rotation: Floats
+    known: Bools
+    steps: tuple[Step, ...] = ()
+
+
+def predict(
+    positions: Floats, usable: Bools, rigid: Rigidity, *, with_steps: bool = False, only: Bools | None = None
+) -> Prediction:
+    """Predict every marker (or only some, (M,) bool) in every frame from its partners.
+
+    positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. A marker with fewer than 3
+    partners or too few usable frames is not predicted: it is expected where the mean of all markers goes.
+    """
+    n_frames, n_markers = usable.shape
+    expected = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
+    rotation = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3)).copy()
+    residual = positions - expected
+    known, steps = np.zeros(n_markers, dtype=bool), []
+    for marker in range(n_markers) if only is None else np.flatnonzero(only).tolist():
+        partners, weights = rigid.partners(marker)
+        train = _spaced(np.flatnonzero(usable[:, marker]), _TRAIN)
+        if len(partners) < 3 or len(train) < _ENOUGH:
+            continue
+        known[marker] = True
+        turn, centre = _segment(positions[:, partners], weights, train)
+        local = ((positions[:, partners] - centre[:, None]) @ turn).reshape(n_frames, -1)
+        local /= np.repeat(np.sqrt(rigid.spread[marker, partners] ** 2 + 25.0), 3)
+        target = ((positions[:, marker] - centre)[:, None] @ turn)[:, 0]
+        guess = _regress(local, target, train)
+        residual[:, marker], rotation[:, marker] = target - guess, turn
+        expected[:, marker] = (guess[:, None] @ turn.swapaxes(1, 2))[:, 0] + centre
+        found = _best_step(local[train], target[train]) if with_steps else None
+        if found:
+            steps.append(Step(marker, int(train[found[0]]), *found[1:]))
+    return Prediction(residual, expected, rotation, known, tuple(steps))
+
+
+def complete(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
+    """Positions (F, M, 3) with what is not usable replaced: as expected, plus the residual carried over the gap."""
+    filled = interpolation.linear(positions, usable)
+    if usable.all():
+        return filled
+    found = predict(filled, usable, rigid, only=np.asarray(~usable.all(axis=0)))
+    carried = interpolation.linear(found.residual, usable)
+    better = found.expected + (found.rotation @ carried[..., None])[..., 0]
+    return np.where((~usable & found.known & usable.any(axis=0))[..., None], better, filled)
+
+
+def _segment(seen: Floats, weights: Floats, train: Ints) -> tuple[Floats, Floats]:
+    """The frames of a segment over all frames, about the mean shape of its partners over the training frames."""
+    shape = seen[train[len(train) // 2]]
+    for _ in range(2):
+        turn, centre = segment_frames(shape, seen[train], weights)
+        shape = ((seen[train] - centre[:, None]) @ turn).mean(axis=0)
+    return segment_frames(shape, seen, weights)
+
+
+def _spaced(frames: Ints, most: int) -> Ints:
+    if len(frames) <= most:
+        return frames
+    return np.asarray(frames[np.linspace(0, len(frames) - 1, most).astype(int)])
+
+
+def _regress(features: Floats, target: Floats, train: Ints) -> Floats:
+    """Ridge regression of target (F, 3) on features (F, n), learned robustly from some frames, for all frames.
+
+    Frames weigh 1 / (1 + (r / 3s)²)² by their residual r and its median s (Geman and McClure, 1985).
+    """
+    inputs, wanted = features[train], target[train]
+    weights = np.ones(len(train))
+    for _ in range(_FITS):
+        share = weights / weights.sum()
+        mean, middle = share @ inputs, share @ wanted
+        slopes = _Ridge(inputs - mean, wanted - middle, weights).slopes(wanted - middle)
+        weights = _confidence(np.linalg.norm(wanted - middle - (inputs - mean) @ slopes, axis=1))
+    return np.asarray(middle + (features - mean) @ slopes)
+
+
+def _confidence(missed: Floats) -> Floats:
+    return np.asarray(1.0 / (1.0 + (missed / (3.0 * np.median(missed) + _FLOOR)) ** 2) ** 2)
+
+
+class _Ridge:
+    """Weighted ridge regression on inputs (n, d); its penalty is chosen for wanted (n, 3) by generalised cross-
+    validation with a tenth of the frames counted, for neighbouring frames say nearly the same.
+    """
+
+    def __init__(self, inputs: Floats, wanted: Floats, weights: Floats) -> None:
+        self.weighted = weights[:, None] * inputs
+        values, vectors = np.linalg.eigh(self.weighted.T @ inputs)
+        values = np.maximum(values, 0.0)
+        self.vectors = vectors
+        projected = vectors.T @ (self.weighted.T @ wanted)
+        penalties = _PENALTIES[:, None] * max(values[-1], np.finfo(float).tiny)
+        freedom = (values / (values + penalties)).sum(axis=1)
+        energy = (weights[:, None] * wanted**2).sum()
+        gain = ((projected**2).sum(axis=1) * (values + 2 * penalties) / (values + penalties) ** 2).sum(axis=1)
+        counted = max(len(wanted) / 10.0, 5.0)
+        score = (energy - gain) / np.maximum(1 - freedom / counted, 0.05) ** 2
+        best = int(np.argmin(np.where(freedom < 0.95 * counted, score, np.inf)))
+        self.shrunk = values + penalties[best]
+
+    def slopes(self, wanted: Floats) -> Floats:
+        return np.asarray(self.vectors @ ((self.vectors.T @ (self.weighted.T @ wanted)) / self.shrunk[:, None]))
+
+
+def _best_step(inputs: Floats, wanted: Floats) -> tuple[int, Floats, float] | None:
+    """The row from which on a constant offset explains most beside a ridge regression: (row, offset, score)."""
+    n_rows = len(wanted)
+    edge = max(_FEWEST, round(_EDGE * n_rows))
+    if n_rows < 4 * edge:
+        return None
+    starts = np.unique(np.linspace(edge, n_rows - edge, _CANDIDATES).astype(int))
+    weights, start = np.ones(n_rows), edge
+    for round_ in range(_FITS):
+        if round_ == _FITS - 1:
+            reach = 1 + n_rows // _CANDIDATES
+            starts = np.arange(max(edge, start - reach), min(n_rows - edge, start + reach) + 1)
+        share = weights / weights.sum()
+        steps = (np.arange(n_rows)[:, None] >= starts).astype(float)
+        features, target, steps = inputs - share @ inputs, wanted - share @ wanted, steps - share @ steps
+        ridge = _Ridge(features, target, weights)
+        left = target - features @ ridge.slopes(target)
+        own = steps - features @ ridge.slopes(steps)
+        said = own.T @ (weights[:, None] * target)
+        room = np.maximum((weights[:, None] * steps * own).sum(axis=0), 1e-9)
+        best = int(np.argmax((said**2).sum(axis=1) / room))
+        start, offset = int(starts[best]), said[best] / room[best]
+        left = left - own[:, [best]] * offset
+        weights = _confidence(np.linalg.norm(left, axis=1))
+    noise = weights[:, None] * left
+    variance = (noise**2).sum() / weights.sum() + _FLOOR**2
+    score = np.linalg.norm(offset) * np.sqrt(room[best] / (variance * _correlation_time(noise)))
+    return start, offset, float(score)
+
+
+def _correlation_time(noise: Floats) -> float:
+    """How many rows of noise (n, 3) count as one: 1 + 2 Σ of the autocorrelation to where it falls below 0.1."""
+    energy = max(float((noise**2).sum()), np.finfo(float).tiny)
+    total = 1.0
+    for lag in range(1, min(_LONGEST_LAG, len(noise) // 4)):
+        share = float((noise[lag:] * noise[:-lag]).sum()) / energy
+        if share < 0.1:
+            break
+        total += 2.0 * share
+    return total
