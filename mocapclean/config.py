@@ -14,6 +14,8 @@ from pydantic import (
     ByteSize,
     ConfigDict,
     Field,
+    NonNegativeFloat,
+    NonNegativeInt,
     PositiveFloat,
     PositiveInt,
     TypeAdapter,
@@ -92,6 +94,34 @@ class Auto(BaseModel):
     )
 
 
+class MarkerLimits(BaseModel):
+    """What markers of a name may be at most; shares are percentages of the frames."""
+
+    model_config = _SECTION
+
+    longest_gap: PositiveInt | None = Field(default=None, description="frames missing in a row")
+    missing: NonNegativeFloat | None = Field(default=None, description="% missing in the file")
+    distrusted: NonNegativeFloat | None = Field(default=None, description="% that rules distrust")
+
+
+class Limits(MarkerLimits):
+    """What ``mocapclean check`` asks of a take; what is not given is not asked."""
+
+    markers: dict[str, MarkerLimits] = Field(default={}, description="limits by marker; wildcards allowed")
+    required: tuple[str, ...] = Field(default=(), description="markers that must be there and seen; wildcards allowed")
+    swaps: NonNegativeInt | None = Field(default=0, description="pairs of swapped markers")
+    bone_deviation: PositiveFloat | None = Field(
+        default=None, description="mm that a bone's length leaves its reference"
+    )
+    rates: tuple[PositiveFloat, ...] = Field(default=(), description="Hz, the frame rates allowed; none: any")
+    units: bool = Field(default=True, description="size and speed must be those of a body in the stated unit")
+    shortest: PositiveFloat | None = Field(default=None, description="seconds")
+    longest: PositiveFloat | None = Field(default=None, description="seconds")
+    expected_error: PositiveFloat | None = Field(
+        default=None, description="3D mm of the method on hidden samples of the take; computed only when given"
+    )
+
+
 class Settings(BaseModel):
     """Every option of the command. Lengths are millimetres, times are frames."""
 
@@ -102,6 +132,8 @@ class Settings(BaseModel):
     methods: Methods = Field(default_factory=Methods)  # type: ignore[valid-type]
     detect: bool = Field(default=True, description="look for samples that cannot be trusted")
     trust: Trust = Field(default_factory=Trust)  # type: ignore[valid-type]
+    fix_swaps: bool = Field(default=False, description="exchange swapped labels back instead of distrusting them")
+    check: Limits = Field(default_factory=Limits)
     skeleton: Path | None = Field(default=None, description=".asf or .bvh with joints and bones")
     dictionary: Path | None = Field(default=None, description="of 'mocapclean train', for llc and srmmp")
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files that do not say")

@@ -163,7 +163,8 @@ def examine(source: Path, settings: Settings) -> tuple[Take, Take]:
     play = detect(take.select(np.flatnonzero(~excluded)), {"missing": settings.rules["missing"]})
     if settings.gaps:
         play = distrust(play, read_spans(settings.gaps))
-    return take, detect(play, {name: rule for name, rule in settings.rules.items() if name != "missing"})
+    rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
+    return take, detect(play, rules, fix_swaps=settings.fix_swaps)
 
 
 def _read(source: Path, settings: Settings) -> Take:

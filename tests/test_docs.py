@@ -46,6 +46,10 @@ def test_every_key_has_a_documented_example(tmp_path):
     assert settings.model_fields_set == set(Settings.model_fields)
     assert settings.trust.model_fields_set == set(RULES)
     assert settings.methods.model_fields_set == set(SOLVERS)
+    for name, module in RULES.items():
+        section = re.split(r"\n {0,2}\w", text.split("\ntrust:", 1)[1].split(f"\n  {name}:", 1)[1])[0]
+        for field in fields(module.Params):
+            assert f"\n    {field.name}:" in section, f"trust.{name}.{field.name}"
     for name, module in SOLVERS.items():
         section = text.split(f"\n  {name}:", 1)[1]
         for field in fields(module.Params):
@@ -73,7 +77,7 @@ CALL |= {"files_from", "null", "relative_to", "shard"}
 def test_every_option_is_a_configuration_key():
     command = cli.get_command(None, "fill")
     names = {parameter.name for parameter in command.params} - CALL
-    assert names == set(Settings.model_fields) - {"methods", "trust", "grades", "hiding", "auto"}
+    assert names == set(Settings.model_fields) - {"methods", "trust", "check", "grades", "hiding", "auto"}
 
 
 def test_help_is_given_for_every_command():

@@ -6,6 +6,7 @@ import pytest
 from mocapclean.errors import UsageError
 from mocapclean.records import Take
 from mocapclean.trust import RULES, detect, tdd
+from mocapclean.trust.evidence import Evidence
 from mocapclean.trust.spans import distrust, read_spans
 
 
@@ -25,7 +26,7 @@ def with_positions(take, positions, trusted=None):
 
 
 def distrusted(take, **params):
-    return tdd.examine(take, tdd.Params(**params))[0]
+    return tdd.examine(Evidence(take), tdd.Params(**params))[0]
 
 
 def faulty_take(rng):

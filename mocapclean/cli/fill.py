@@ -37,6 +37,7 @@ from mocapclean.report.text import totals
 @click.option("--max-gap", type=int, help="Leave gaps of more frames than this.")
 @click.option("--max-error", type=float, metavar="MM", help="Leave gaps whose expected 3D error is larger.")
 @click.option("--self-check/--no-self-check", default=None, help="Measure the error on hidden samples of the take.")
+@click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels back, every number as it is.")
 @click.option("--max-left", help="Exit 1 when more samples are left unfilled: a number, or a percentage such as 2%.")
 @click.option(
     "--invalidate/--no-invalidate", default=None, help="Mark as missing (C3D) what is distrusted, not filled."

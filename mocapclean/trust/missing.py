@@ -4,8 +4,10 @@ import numpy as np
 from pydantic.dataclasses import dataclass
 
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Finding, Take
+from mocapclean.records import Finding
 from mocapclean.runs import column_runs
+from mocapclean.trust.evidence import Evidence
+from mocapclean.trust.rule import Ruling, lasting
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -13,14 +15,15 @@ class Params:
     """This rule has no parameters."""
 
 
-def examine(take: Take, params: Params) -> tuple[Bools, tuple[Finding, ...]]:
+def examine(evidence: Evidence, params: Params) -> Ruling:
     """Name every run of samples (F, M) that reading found untrusted."""
+    take = evidence.take
     findings = tuple(
         Finding(
             rule="missing",
             marker=take.markers[marker],
             frames=(start, stop),
-            message=f"missing in the file for {stop - start} frames",
+            message=f"missing in the file {lasting(start, stop)}",
         )
         for marker, start, stop in column_runs(~take.trusted)
     )

@@ -25,22 +25,25 @@ from scipy.interpolate import PchipInterpolator
 
 from mocapclean.numerics.robust import nan_median
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Finding, Floats, Take
-from mocapclean.runs import column_runs, runs
+from mocapclean.records import Bools, Floats
+from mocapclean.runs import runs
+from mocapclean.trust.evidence import Evidence
+from mocapclean.trust.rule import Ruling, Switch, findings
 
 _LOOK_BACK = 40
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
-class Params:
+class Params(Switch):
     """The numbers of trust data detection."""
 
     distance: Annotated[float, Field(gt=0, description="φ, mm per frame at 120 Hz that no marker exceeds")] = 60.0
     longest: Annotated[float, Field(gt=0, description="seconds; two longer pieces may stand a jump apart")] = 1.0
 
 
-def examine(take: Take, params: Params) -> tuple[Bools, tuple[Finding, ...]]:
+def examine(evidence: Evidence, params: Params) -> Ruling:
     """The samples (F, M) that no chain of plausible motion reaches, and a finding for each run of them."""
+    take = evidence.take
     step = params.distance * 120.0 / take.rate
     positions = np.where(take.trusted[..., None], take.positions, np.nan)
     relative = positions - _body_track(positions)[:, None]
@@ -51,18 +54,12 @@ def examine(take: Take, params: Params) -> tuple[Bools, tuple[Finding, ...]]:
         segments = _segments(valid, cuts[:, marker])
         chain = _best_chain(relative[:, marker], segments, step, params.longest * take.rate)
         distrusted[:, marker] = valid & ~_readmit(relative[:, marker], chain, valid, params.distance)
-    findings = tuple(
-        Finding(
-            rule="tdd",
-            level="warning",
-            marker=take.markers[marker],
-            frames=(start, stop),
-            message=f"{stop - start} frames that the rest of its path cannot reach at {step:.0f} mm a frame",
-            advice="look at these frames; raise trust.tdd.distance if the motion is real",
-        )
-        for marker, start, stop in column_runs(distrusted)
-    )
-    return distrusted, findings
+
+    def message(marker: int, start: int, stop: int) -> str:
+        return f"{stop - start} frames that the rest of its path cannot reach at {step:.0f} mm a frame"
+
+    advice = "look at these frames; raise trust.tdd.distance if the motion is real"
+    return distrusted, tuple(findings("tdd", take, distrusted, message, advice))
 
 
 def _body_track(positions: Floats) -> Floats:

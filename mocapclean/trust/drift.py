@@ -1,0 +1,53 @@
+"""Drift: from some frame on a marker sits elsewhere in its segment, because it slid or was put back.
+
+A step is added to the regression of the marker on those around it; it must be 15 mm and 10 standard errors, and the
+path of the marker must not cost more without it; where bones hold it (partners with a robust SD of 0.5 mm), the
+length of one of them must change by 2 mm, unless it is 30 standard errors. Of partners that step at the same time the one with the surest step is
+at fault. What comes after the step is distrusted, for the first place is taken for the right one, unless less than 15 %
+of the marker's frames come before it.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from mocapclean.parameters import STRICT
+from mocapclean.records import Finding
+from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, Evidence
+from mocapclean.trust.rule import Ruling, Switch
+
+_FIRST = 15
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class Params(Switch):
+    """The numbers of the rule."""
+
+    least: Annotated[float, Field(ge=LEAST_STEP, description="mm that it moved in its segment")] = LEAST_STEP
+    surely: Annotated[float, Field(ge=LEAST_SCORE, description="1, that over its standard error")] = LEAST_SCORE
+
+
+def examine(evidence: Evidence, params: Params) -> Ruling:
+    """The samples (F, M) after the steps."""
+    take = evidence.take
+    drifted, told = np.zeros_like(take.trusted), []
+    for step in evidence.study.steps:
+        size, seen = float(np.linalg.norm(step.offset)), take.trusted[:, step.marker]
+        if size >= params.least and step.score >= params.surely:
+            early = 100 * np.count_nonzero(seen[: step.start]) < _FIRST * np.count_nonzero(seen)
+            start, stop = (0, step.start) if early else (step.start, len(seen))
+            drifted[start:stop, step.marker] = seen[start:stop]
+            told.append(
+                Finding(
+                    rule="drift",
+                    level="warning",
+                    marker=take.markers[step.marker],
+                    frames=(start, stop),
+                    message=f"sits {size:.0f} mm ({step.score:.0f} standard errors) from its place in its segment "
+                    f"{'up to here' if early else 'from here on'}",
+                    advice="if this place is the right one, switch trust.drift off and distrust the others (--gaps)",
+                )
+            )
+    return drifted, tuple(told)

@@ -1,0 +1,289 @@
+"""What the rules look at: computed once for each take, when a rule first asks.
+
+Suspicions protect the evidence from the very faults that it is to show: exchanged names are put back, markers that hold
+still are passed over, steps are taken out and strays are bridged, before the markers around a sample say where it
+should be. A suspicion distrusts nothing; that is for the rules.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from mocapclean.numerics import paths
+from mocapclean.numerics.exchanges import Exchange, exchange, exchanges
+from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.segments import Prediction, Rigidity, Step, complete, predict, rigidity
+from mocapclean.records import Bools, Floats, Take
+from mocapclean.runs import column_runs
+
+_ROUNDS, _SETTLED = 5, 5e-4
+_CLOSEST = 5
+_RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
+_RIGID, _BENT, _CLEAR = 0.5, 2.0, 30.0
+_STILL = 0.005
+_SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
+LEAST_STEP, LEAST_SCORE = 15.0, 10.0
+_SAME_STEP = 0.01
+_SNAP, _SNAP_SLACK = 10, 1
+_COST_SECONDS = 1.25
+_SLIDE_SECONDS = 0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """A marker that stays put in frames start to stop while the markers around it say that it moves ``moved`` mm.
+
+    It leaps at the end, or nothing follows; one that hardly ever moves is a thing, not a fault.
+    """
+
+    marker: int
+    start: int
+    stop: int
+    moved: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Everything that the markers around a sample say of it; arrays are (F, M), lengths millimetres.
+
+    holds, steps: markers that hold still, and that sit elsewhere for good. residual: (F, M, 3), the sample less what is
+    expected of it, in its segment, holds (NaN) and steps taken out. threshold: the innovation that makes a break.
+    deviation: how far a sample lies off the path of its marker, 0 on it. bursts: in a burst of noise. known: (M,),
+    whether a marker has others around it.
+    """
+
+    holds: tuple[Hold, ...]
+    steps: tuple[Step, ...]
+    residual: Floats
+    threshold: Floats
+    deviation: Floats
+    bursts: Bools
+    known: Bools
+
+    def excursion(self, marker: int, start: int, stop: int) -> str:
+        """How far a marker is off its path in these frames, and how many times what its noise and motion explain."""
+        away = self.deviation[start:stop, marker]
+        times = float((away / self.threshold[start:stop, marker]).max())
+        return f"{away.max():.0f} mm ({times:.1f} times what noise and motion explain)"
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """A take and, when a rule asks, what it says of itself."""
+
+    take: Take
+
+    @cached_property
+    def rigid(self) -> Rigidity:
+        """How rigidly the markers are tied to each other."""
+        return rigidity(self.take.positions, self.take.trusted)
+
+    @cached_property
+    def exchanges(self) -> tuple[Exchange, ...]:
+        """Pairs of markers that bear each other's name for a time."""
+        return exchanges(np.where(self.take.trusted[..., None], self.take.positions, np.nan), self.rigid)
+
+    @cached_property
+    def study(self) -> Study:
+        """What the markers around each sample say of it."""
+        trusted = self.take.trusted
+        positions = exchange(self.take.positions, self.exchanges)
+        rigid = rigidity(positions, trusted) if self.exchanges else self.rigid
+        usable = trusted
+        steps: tuple[Step, ...] = ()
+        for round_ in range(_ROUNDS):
+            filled = complete(positions, usable, rigid)
+            guess = predict(filled, usable, rigid, with_steps=round_ < _ROUNDS - 1)
+            holds = _holds(positions, trusted, guess)
+            measured = trusted & ~_held(holds, trusted)
+            look = _Look(positions, filled, guess, measured, usable, rigid, steps, self.take.rate)
+            before, usable = usable, look.measured & ~look.astray & ~look.bursts
+            fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
+            found = _standing_out(guess.steps, steps, fresh, look)
+            if not found and np.count_nonzero(usable ^ before) <= _SETTLED * usable.size:
+                break
+            positions = positions.copy()
+            for step in found:
+                positions[step.start :, step.marker] -= guess.rotation[step.start :, step.marker] @ step.offset
+            steps = (*steps, *found)
+        return Study(
+            holds=holds,
+            steps=steps,
+            residual=look.residual,
+            threshold=look.threshold,
+            deviation=look.deviation,
+            bursts=look.bursts,
+            known=guess.known,
+        )
+
+
+class _Look:
+    """The paths of all markers in one round: what is measured (F, M) of positions, and which samples stray.
+
+    Those before or after all of its path are not astray: a step may yet explain them.
+    """
+
+    def __init__(
+        self,
+        positions: Floats,
+        filled: Floats,
+        guess: Prediction,
+        measured: Bools,
+        usable: Bools,
+        rigid: Rigidity,
+        steps: tuple[Step, ...],
+        rate: float,
+    ) -> None:
+        self.filled, self.turns, self.rigid = filled, guess.rotation, rigid
+        self.measured, self.usable, self.cost = measured, usable, _COST_SECONDS * rate
+        self.around = round(_SLIDE_SECONDS * rate / 2)
+        residual = ((positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
+        self.positions, self.residual = (np.where(measured[..., None], path, np.nan) for path in (positions, residual))
+        innovation = paths.innovations(self.positions, self.residual)
+        self.threshold = paths.thresholds(innovation, usable, guess.expected)
+        self.breaks = innovation > self.threshold
+        for step in steps:
+            self._forgive(self.breaks[:, step.marker], step)
+        self.deviation, self.costs = np.zeros(measured.shape), np.zeros(measured.shape[1])
+        self.astray = np.zeros_like(measured)
+        for marker in np.flatnonzero(self.breaks.any(axis=0)).tolist():
+            path = self.positions[:, marker], self.residual[:, marker], self.breaks[:, marker]
+            self.deviation[:, marker], within, self.costs[marker] = self._path(marker, *path)
+            self.astray[within, marker] = self.deviation[within, marker] > 0
+        self.bursts = paths.bursts(innovation, usable, guess.expected) & measured
+
+    def explains(self, step: Step) -> bool:
+        """Whether the marker's path costs no more with a step taken out than with it."""
+        step = _snapped(step, self.residual[:, step.marker])
+        later = np.arange(len(self.measured)) >= step.start
+        residual = self.residual[:, step.marker] - later[:, None] * step.offset
+        breaks = self.breaks[:, step.marker].copy()
+        self._forgive(breaks, step)
+        *_, cost = self._path(step.marker, self.positions[:, step.marker], residual, breaks)
+        return cost <= float(self.costs[step.marker])
+
+    def bends(self, step: Step) -> bool:
+        """Whether the median distance to a rigid partner, where there is one, changes with a step, or all is clear."""
+        partners = self.rigid.partners(step.marker)[0]
+        partners = partners[self.rigid.spread[step.marker, partners] <= _RIGID]
+        apart = np.linalg.norm(self.positions[:, partners] - self.positions[:, [step.marker]], axis=2)
+        change = np.abs(nan_median(apart[step.start :]) - nan_median(apart[: step.start]))
+        clear = step.score >= _CLEAR or not len(partners)
+        return clear or bool((change > _BENT + self.rigid.spread[step.marker, partners]).any())
+
+    def remains(self, other: Step, without: Step) -> float:
+        """The score of a marker's step at about the same time after another one is taken out."""
+        filled = self.filled.copy()
+        filled[without.start :, without.marker] -= self.turns[without.start :, without.marker] @ without.offset
+        only = np.arange(filled.shape[1]) == other.marker
+        left = predict(filled, self.usable, self.rigid, with_steps=True, only=only).steps
+        return max((step.score for step in left if self.near(step, other)), default=0.0)
+
+    def agrees(self, step: Step, other: Step) -> float:
+        """How much of the change in the distances to its partners a step explains, another marker aside; at most 1."""
+        partners = self.rigid.partners(step.marker)[0]
+        partners = partners[partners != other.marker][:_CLOSEST]
+        away = self.positions[:, partners] - self.positions[:, [step.marker]]
+        apart = np.linalg.norm(away, axis=2)
+        change = nan_median(apart[step.start :]) - nan_median(apart[: step.start])
+        turned = (away / apart[..., None]) @ self.turns[:, step.marker]
+        expected = -nan_median(turned) @ step.offset
+        return float(1.0 - np.abs(change - expected).sum() / max(np.abs(expected).sum(), 1e-9))
+
+    def near(self, one: Step, other: Step) -> bool:
+        """Whether two steps are made at about the same time."""
+        return abs(one.start - other.start) <= _SNAP + _SAME_STEP * len(self.measured)
+
+    def _path(self, marker: int, positions: Floats, residual: Floats, breaks: Bools) -> tuple[Floats, slice, float]:
+        rest = self.threshold[:, marker], self.usable[:, marker], self.cost
+        return paths.deviations(positions, residual, breaks, *rest)
+
+    def _forgive(self, breaks: Bools, step: Step) -> None:
+        around = _SNAP_SLACK if step.sudden else self.around
+        breaks[max(0, step.start - around) : step.start + around + 1] = False
+
+
+def _holds(positions: Floats, trusted: Bools, guess: Prediction) -> tuple[Hold, ...]:
+    still = np.zeros_like(trusted)
+    still[1:] = (np.abs(np.diff(positions, axis=0)) <= _STILL).all(axis=2) & trusted[1:] & trusted[:-1]
+    found = []
+    for marker, start, stop in column_runs(still & guess.known):
+        moving = 2 * (stop - start) < np.count_nonzero(trusted[:, marker])
+        if stop - start >= _SHORTEST_HOLD and moving and _leaps(positions[:, marker], trusted[:, marker], stop):
+            way = guess.expected[start - 1 : stop, marker]
+            moved = float(np.linalg.norm(way - way[0], axis=1).max())
+            if moved >= _LEAST_HOLD:
+                found.append(Hold(marker=marker, start=start, stop=stop, moved=moved))
+    return tuple(found)
+
+
+def _leaps(path: Floats, trusted: Bools, frame: int) -> bool:
+    """Whether a path (F, 3) is let go at a frame: it is not seen, or far from before and not on its way as fast."""
+    if frame == len(path) or not trusted[frame]:
+        return True
+    leap = float(np.linalg.norm(path[frame] - path[frame - 1]))
+    later = frame + 1 < len(path) and trusted[frame + 1]
+    onward = float(np.linalg.norm(path[frame + 1] - path[frame])) if later else 0.0
+    return leap >= max(_LEAST_HOLD, 2.0 * onward)
+
+
+def _held(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
+    mask = np.zeros_like(trusted)
+    for hold in holds:
+        mask[hold.start : hold.stop, hold.marker] = True
+    return mask
+
+
+def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools, look: _Look) -> list[Step]:
+    """The steps that stand out, best first.
+
+    A step waits while a marker that it is measured by has fresh (M,) strays of its own. Of partners that step at the
+    same time the surest goes first, unless it is an echo; the echoes of it are gone in the next round.
+    """
+    chosen: list[Step] = []
+    clear = [step for step in steps if step.score >= LEAST_SCORE and np.linalg.norm(step.offset) >= LEAST_STEP]
+    for step in sorted(clear, key=lambda step: -step.score):
+        if (
+            fresh[look.rigid.partners(step.marker)[0][:_CLOSEST]].any()
+            or any(step.marker == old.marker for old in known)
+            or not look.explains(step)
+            or not look.bends(step)
+        ):
+            continue
+        tied = [other for other in clear if _tied(step, other, look)]
+        if any(other.marker == old.marker for other in tied for old in chosen):
+            continue
+        if not any(_echoes(step, other, look) for other in tied):
+            chosen.append(_snapped(step, look.residual[:, step.marker]))
+    return chosen
+
+
+def _echoes(step: Step, other: Step, look: _Look) -> bool:
+    """Whether a step is but an echo of one with a smaller score.
+
+    It goes with it and not the other way round; or each goes with the other, their scores are about even, and the other
+    explains the changed distances to their partners better.
+    """
+    if other.score < _RIVAL * step.score:
+        return False
+    goes, stays = look.remains(step, other) < LEAST_SCORE, look.remains(other, step) >= LEAST_SCORE
+    even = goes and not stays and other.score >= _EVEN * step.score
+    return (goes and stays) or (even and look.agrees(other, step) > max(look.agrees(step, other), _AGREES))
+
+
+def _tied(one: Step, other: Step, look: _Look) -> bool:
+    """Whether two steps are of partners and at about the same time."""
+    partners = look.rigid.partners
+    tied = other.marker in partners(one.marker)[0] or one.marker in partners(other.marker)[0]
+    return tied and one.marker != other.marker and look.near(one, other)
+
+
+def _snapped(step: Step, residual: Floats) -> Step:
+    """The step at the frame near it at which the residual (F, 3) makes most of it at once, if any makes half of it."""
+    size = float(np.linalg.norm(step.offset))
+    low = max(1, step.start - _SNAP)
+    rises = np.diff(residual[low - 1 : step.start + _SNAP + 1], axis=0) @ step.offset / size
+    if np.isfinite(rises).any() and np.nanmax(rises) > size / 2:
+        return replace(step, start=low + int(np.nanargmax(rises)), sudden=True)
+    return step

@@ -1,0 +1,37 @@
+"""Prediction: a marker is not where the markers around it say, far beyond what is usual for it.
+
+The residual of the regression in its segment's frame exceeds 30 mm and an exponential tail through its own median and
+95th percentile, where that is exceeded once in a million. Unlike ``jump`` it needs no sharp edge.
+"""
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+from pydantic.dataclasses import dataclass
+
+from mocapclean.numerics.paths import tail
+from mocapclean.parameters import STRICT
+from mocapclean.trust.evidence import Evidence
+from mocapclean.trust.rule import Ruling, Switch, findings, lasting
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class Params(Switch):
+    """The numbers of the rule."""
+
+    least: Annotated[float, Field(gt=0, description="mm from where it is expected")] = 30.0
+
+
+def examine(evidence: Evidence, params: Params) -> Ruling:
+    """The samples (F, M) that are far from where they are expected."""
+    study = evidence.study
+    away = np.linalg.norm(study.residual, axis=2)
+    limit = np.maximum(params.least, tail(away)[1])
+    far = np.asarray(study.known & (away > limit))
+
+    def message(marker: int, start: int, stop: int) -> str:
+        most = np.nanmax(away[start:stop, marker])
+        return f"up to {most:.0f} mm from where the markers around it say, {lasting(start, stop)}"
+
+    return far, tuple(findings("predict", evidence.take, far, message, "look at these frames"))
