@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mocapclean.bench import compare, hu2017, imamura2018, markers, tan2015, wang2016
+from mocapclean.bench import compare, hu2017, imamura2018, markers, tan2015, trust, wang2016
 from mocapclean.bench.jobs import Choice, Job
 from mocapclean.bench.results import Figure, Results, Table
 
@@ -85,5 +85,13 @@ EXPERIMENTS: dict[str, Experiment] = {
         tables=compare.tables,
         figures=compare.figures,
         quick_frames=compare.QUICK_FRAMES,
+    ),
+    "trust": Experiment(
+        reference="faults of known place, kind and size, mocapclean.simulate.inject",
+        measures=trust.MEASURES,
+        jobs=trust.jobs,
+        tables=trust.tables,
+        figures=trust.figures,
+        quick_frames=trust.QUICK_FRAMES,
     ),
 }
