@@ -238,6 +238,38 @@ class Choice:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Breach:
+    """A limit that a take does not keep: what was found and is allowed, where these are numbers, and what to do."""
+
+    limit: str
+    message: str
+    advice: str
+    marker: str | None = None
+    found: float | None = None
+    allowed: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """A take against its limits: what was measured, by limit, and what it does not keep."""
+
+    source: Path
+    breaches: tuple[Breach, ...] = ()
+    seconds: float = 0.0
+    format: str = ""
+    n_frames: int = 0
+    n_markers: int = 0
+    first_frame: int = 1
+    measures: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def passes(self) -> bool:
+        """Whether all limits are kept."""
+        return not self.breaches
+
+
+@dataclass(frozen=True, kw_only=True)
 class BoneReport:
     """One bone before and after the repair; reference: its known length, or the take's median, mm."""
 

@@ -12,6 +12,7 @@ ORDER = (
     "__main__",
     "cli",
     "batch",
+    "checking",
     "repair",
     "choosing",
     "account",

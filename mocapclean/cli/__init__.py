@@ -8,7 +8,7 @@ from mocapclean import __version__
 class Commands(click.Group):
     """Commands in the order in which a user meets them, each loaded when it is called."""
 
-    homes = ("fill", "inspect", "methods", "train", "simulate", "bench")
+    homes = ("fill", "inspect", "check", "methods", "train", "simulate", "bench")
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The names of all commands."""

@@ -3,7 +3,7 @@
 import json
 import math
 import platform
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from mocapclean import __version__
-from mocapclean.records import GRADES, Finding, Gap, Outcome
+from mocapclean.records import GRADES, Finding, Gap, Outcome, Verdict
 
 SCHEMA = 2
 
@@ -26,13 +26,7 @@ def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterat
 
     Rows are asked for one after the other and let go of, however many there are.
     """
-    versions = {
-        "mocapclean": __version__,
-        "python": platform.python_version(),
-        "numpy": np.__version__,
-        "scipy": scipy.__version__,
-    }
-    head = _json({"schema": SCHEMA, "versions": versions, "config": _plain(config)})
+    head = _json(_head(config))
     yield head.removesuffix("\n}") + ',\n "takes": ['
     totals = dict.fromkeys(_TOTALS, 0)
     separator = "\n"
@@ -42,6 +36,38 @@ def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterat
         for name, count in _counted(each).items():
             totals[name] += count
     yield '\n ],\n "totals": ' + _json(totals).replace("\n", "\n ") + "\n}\n"
+
+
+def _head(config: Mapping[str, Any]) -> dict[str, Any]:
+    versions = {
+        "mocapclean": __version__,
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+    return {"schema": SCHEMA, "versions": versions, "config": _plain(config)}
+
+
+def checked(verdicts: Sequence[Verdict], config: Mapping[str, Any]) -> str:
+    """What ``check`` found, as JSON: versions, the configuration, every take with its breaches and findings, totals."""
+    takes = [
+        {
+            "source": str(verdict.source),
+            "passes": verdict.passes,
+            "seconds": round(verdict.seconds, 3),
+            "format": verdict.format,
+            "frames": verdict.n_frames,
+            "first_frame": verdict.first_frame,
+            "markers": verdict.n_markers,
+            "measures": _plain(verdict.measures),
+            "breaches": _plain(verdict.breaches),
+            "findings": [_finding(finding, verdict.first_frame) for finding in verdict.findings],
+        }
+        for verdict in verdicts
+    ]
+    passed = sum(verdict.passes for verdict in verdicts)
+    totals = {"takes": len(verdicts), "passed": passed, "failed": len(verdicts) - passed}
+    return _json({**_head(config), "takes": takes, "totals": totals}) + "\n"
 
 
 def write(path: Path, rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> None:

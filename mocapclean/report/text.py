@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from mocapclean.metrics import Error
-from mocapclean.records import GRADES, Candidate, Finding, Gap, Outcome
+from mocapclean.records import GRADES, Breach, Candidate, Finding, Gap, Outcome, Verdict
 
 _LABEL = 12
 _NUMBERS = ("RMSE mm", "3D mm", "largest mm")
@@ -65,6 +65,28 @@ def totals(counts: Mapping[str, int], n_earlier: int, report: Path | None) -> st
 def printable(text: str) -> str:
     """A line with escapes for what is no character or would steer a terminal; a file may hold any name."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def verdict(take: Verdict, *, verbose: bool = False) -> str:
+    """One checked take in a line: whether it passes, or the worst of each limit that it does not keep.
+
+    With ``verbose``, a line for everything that it breaches, and what to do.
+    """
+    if take.passes:
+        shape = f"{_plural(take.n_markers, 'marker')} x {_plural(take.n_frames, 'frame')}"
+        missing, distrusted = take.measures["missing"], take.measures["distrusted"]
+        return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted"
+    if verbose:
+        return "\n".join([f"FAIL  {take.source}", *(f"      {one.message}; {one.advice}" for one in take.breaches)])
+    limits: dict[str, list[Breach]] = {}
+    for breach in take.breaches:
+        limits.setdefault(breach.limit, []).append(breach)
+    told = []
+    for breaches in limits.values():
+        worst = max(breaches, key=lambda breach: breach.found or 0.0)
+        more = f" (and {len(breaches) - 1} more)" if len(breaches) > 1 else ""
+        told.append(f"{worst.message}{more}")
+    return f"FAIL  {take.source}: {'; '.join(told)}"
 
 
 def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
