@@ -1,9 +1,9 @@
 """Where each marker should be by the markers around it: a ridge regression in the frame of its body segment.
 
 For every marker its most rigid partners span a frame, in which most of the motion is gone; in it the marker's place is
-regressed on theirs. The regression is robust: what it cannot
-explain counts little in the next fit. On request it also looks for the frame from which on a marker sits elsewhere in
-its segment for good: a step is added to the regression, and the frame where it explains most is taken.
+regressed on theirs. The regression is robust: what it cannot explain counts little in the next fit. On request it also
+looks for the frame from which on a marker sits elsewhere in its segment for good: a step is added to the regression,
+and the frame where it explains most is taken.
 """
 
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
 """Frozen markers: a marker holds exactly still while the markers around it say that it moves.
 
-Exactly: no coordinate changes by more than 0.005 mm a frame. When it is let
-go it must leap by 5 mm and twice as far as in the next frame, or go missing, and it must be on the move for most of the
-take: feet on the ground do neither.
+Exactly: no coordinate changes by more than 0.005 mm a frame. When it is let go it must leap by 5 mm and twice as far as
+in the next frame, or go missing, and it must be on the move for most of the take: feet on the ground do neither.
 """
 
 from typing import Annotated
