@@ -1,7 +1,7 @@
 """One take against limits: read, detect, measure, and say which limits it does not keep; nothing is written."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from time import perf_counter
@@ -20,23 +20,29 @@ from mocapclean.repair import examine
 from mocapclean.runs import runs
 
 
-def check(source: Path, settings: Settings) -> Verdict:
-    """Whether a take keeps the limits of ``settings.check``. What cannot be read is a breach, not an exception."""
-    started = perf_counter()
-    try:
-        verdict = _check(source, settings)
-    except MocapcleanError as fault:
-        verdict = _unreadable(source, str(fault))
-    except MemoryError:
-        verdict = _unreadable(source, f"{source}: there is not enough memory for this take.")
-    return replace(verdict, seconds=perf_counter() - started)
+@dataclass(frozen=True)
+class Check:
+    """Hold takes against the limits of ``settings.check``; work for a pool."""
+
+    settings: Settings
+
+    def __call__(self, job: Path) -> Verdict:
+        """Whether a take keeps the limits. What cannot be read is a breach, not an exception."""
+        started = perf_counter()
+        try:
+            verdict = _check(job, self.settings)
+        except MocapcleanError as fault:
+            advice = "correct what the message names, or export the take again"
+            verdict = unchecked(job, "readable", str(fault), advice)
+        return replace(verdict, seconds=perf_counter() - started)
+
+    def undo(self, job: Path) -> None:
+        """Nothing: a check leaves nothing behind."""
 
 
-def _unreadable(source: Path, message: str) -> Verdict:
-    breach = Breach(
-        limit="readable", message=message, advice="correct what the message names, or export the take again"
-    )
-    return Verdict(source=source, breaches=(breach,))
+def unchecked(source: Path, limit: str, message: str, advice: str) -> Verdict:
+    """The verdict on a take of which nothing is known but what was in the way."""
+    return Verdict(source=source, breaches=(Breach(limit=limit, message=message, advice=advice),))
 
 
 def _check(source: Path, settings: Settings) -> Verdict:

@@ -14,7 +14,7 @@ import pytest
 from click.testing import CliRunner
 from ruamel.yaml import YAML
 
-from mocapclean.checking import check
+from mocapclean.checking import Check
 from mocapclean.cli import cli
 from mocapclean.config import Limits, resolve
 from mocapclean.formats import c3d
@@ -50,7 +50,8 @@ def run(*arguments):
 
 
 def breached(source, **limits):
-    return {breach.limit for breach in check(source, resolve(None, {"check": limits, "method": "linear"})).breaches}
+    settings = resolve(None, {"check": limits, "method": "linear"})
+    return {breach.limit for breach in Check(settings)(source).breaches}
 
 
 LIMITS = [
@@ -135,6 +136,24 @@ def test_a_file_that_cannot_be_read_fails_and_the_others_are_checked(takes, tmp_
     assert (code, err) == (1, "")
     assert "broken.c3d" in out.splitlines()[0]
     assert out.splitlines()[1].startswith("pass")
+
+
+def test_workers_find_the_same_in_the_same_order(takes, tmp_path):
+    reports = []
+    for n_workers in (1, 2):
+        folder = tmp_path / str(n_workers)
+        folder.mkdir()
+        run(takes, "--workers", n_workers, "--json", folder / "check.json")
+        reports.append(json.loads((folder / "check.json").read_text(encoding="utf-8"))["takes"])
+    for take in (*reports[0], *reports[1]):
+        assert take.pop("seconds") > 0
+    assert reports[0] == reports[1]
+
+
+def test_a_take_that_needs_too_long_fails(takes):
+    code, out, err = run(takes / "clean.c3d", "--timeout", 0.01, "-v")
+    assert (code, err) == (1, "")
+    assert "it took longer than the limit of 0.01 s (--timeout)" in out
 
 
 @pytest.mark.parametrize(

@@ -44,13 +44,20 @@ _WORKING = (
     click.option("--workers", metavar="N|auto", help="Takes at a time, each in a process (default: 1)."),
     click.option("--timeout", type=float, metavar="SECONDS", help="Give up a take that needs longer."),
     click.option("--memory", metavar="SIZE", help="Give up a take that needs more memory, such as 2GiB."),
-    click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do it, such as tcp://head:8786."),
 )
+_CLUSTER = click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do it, such as tcp://head:8786.")
 
 
 def batching(command: Command) -> Command:
     """Add the options that decide which takes, and how many at a time."""
-    for option in reversed((*_SELECTING, *_WORKING)):
+    for option in reversed((*_SELECTING, *_WORKING, _CLUSTER)):
+        command = option(command)
+    return command
+
+
+def working(command: Command) -> Command:
+    """Add the options that decide how many takes at a time, and what each may need."""
+    for option in reversed(_WORKING):
         command = option(command)
     return command
 
