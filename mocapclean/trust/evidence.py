@@ -12,15 +12,16 @@ import numpy as np
 
 from mocapclean.numerics import paths
 from mocapclean.numerics.exchanges import Exchange, exchange, exchanges
-from mocapclean.numerics.robust import nan_median
-from mocapclean.numerics.segments import Prediction, Rigidity, Step, complete, predict, rigidity
+from mocapclean.numerics.robust import nan_median, nan_quantiles
+from mocapclean.numerics.segments import Ints, Prediction, Rigidity, Step, complete, predict, rigidity
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.runs import column_runs
 
 _ROUNDS, _SETTLED = 5, 5e-4
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
-_RIGID, _BENT, _CLEAR = 0.5, 2.0, 30.0
+_RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
+_BENT, _BENT_SECONDS = 0.5, 4.0
 _STILL = 0.005
 _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
 LEAST_STEP, LEAST_SCORE = 15.0, 10.0
@@ -90,6 +91,7 @@ class Evidence:
         trusted = self.take.trusted
         positions = exchange(self.take.positions, self.exchanges)
         rigid = rigidity(positions, trusted) if self.exchanges else self.rigid
+        bones = _Bones(np.where(trusted[..., None], positions, np.nan), rigid, self.take.rate)
         usable = trusted
         steps: tuple[Step, ...] = ()
         for round_ in range(_ROUNDS):
@@ -97,7 +99,7 @@ class Evidence:
             guess = predict(filled, usable, rigid, with_steps=round_ < _ROUNDS - 1)
             holds = _holds(positions, trusted, guess)
             measured = trusted & ~_held(holds, trusted)
-            look = _Look(positions, filled, guess, measured, usable, rigid, steps, self.take.rate)
+            look = _Look(positions, filled, guess, measured, usable, rigid, bones, steps, self.take.rate)
             before, usable = usable, look.measured & ~look.astray & ~look.bursts
             fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
             found = _standing_out(guess.steps, steps, fresh, look)
@@ -132,10 +134,11 @@ class _Look:
         measured: Bools,
         usable: Bools,
         rigid: Rigidity,
+        bones: "_Bones",
         steps: tuple[Step, ...],
         rate: float,
     ) -> None:
-        self.filled, self.turns, self.rigid = filled, guess.rotation, rigid
+        self.filled, self.turns, self.rigid, self.bones = filled, guess.rotation, rigid, bones
         self.measured, self.usable, self.cost = measured, usable, _COST_SECONDS * rate
         self.around = round(_SLIDE_SECONDS * rate / 2)
         residual = ((positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
@@ -162,15 +165,6 @@ class _Look:
         self._forgive(breaks, step)
         *_, cost = self._path(step.marker, self.positions[:, step.marker], residual, breaks)
         return cost <= float(self.costs[step.marker])
-
-    def bends(self, step: Step) -> bool:
-        """Whether the median distance to a rigid partner, where there is one, changes with a step, or all is clear."""
-        partners = self.rigid.partners(step.marker)[0]
-        partners = partners[self.rigid.spread[step.marker, partners] <= _RIGID]
-        apart = np.linalg.norm(self.positions[:, partners] - self.positions[:, [step.marker]], axis=2)
-        change = np.abs(nan_median(apart[step.start :]) - nan_median(apart[: step.start]))
-        clear = step.score >= _CLEAR or not len(partners)
-        return clear or bool((change > _BENT + self.rigid.spread[step.marker, partners]).any())
 
     def remains(self, other: Step, without: Step) -> float:
         """The score of a marker's step at about the same time after another one is taken out."""
@@ -202,6 +196,49 @@ class _Look:
     def _forgive(self, breaks: Bools, step: Step) -> None:
         around = _SNAP_SLACK if step.sudden else self.around
         breaks[max(0, step.start - around) : step.start + around + 1] = False
+
+
+class _Bones:
+    """Which partners keep their distance, and when they cease to: positions (F, M, 3), NaN where not trusted.
+
+    Those do that are at the same distance half a second later in three of four cases, so that a step hides no bone.
+    """
+
+    def __init__(self, positions: Floats, rigid: Rigidity, rate: float) -> None:
+        self.positions, self.rigid = positions, rigid
+        self.lag, self.around, self.window = (
+            max(1, round(seconds * rate)) for seconds in (_RIGID_SECONDS, _SLIDE_SECONDS / 2, _BENT_SECONDS)
+        )
+        self.lag, self.around = min(self.lag, len(positions) // 2), self.around + _SNAP
+        self.ends = dict[int, Ints]()
+
+    def of(self, marker: int) -> Ints:
+        """The other ends of a marker's bones."""
+        if marker not in self.ends:
+            partners = self.rigid.partners(marker)[0]
+            apart = self._apart(marker, partners)
+            often = nan_quantiles(np.abs(apart[self.lag :] - apart[: -self.lag]), (_OFTEN,))[0]
+            self.ends[marker] = partners[often <= _RIGID]
+        return self.ends[marker]
+
+    def bent(self, marker: int, frame: int) -> Ints:
+        """The other ends of the bones of a marker whose median length changes about a frame."""
+        ends = self.of(marker)
+        apart, first = self._apart(marker, ends), max(0, frame - self.around)
+        before, after = apart[max(0, first - self.window) : first], apart[frame + self.around :][: self.window]
+        return ends[np.abs(nan_median(after) - nan_median(before)) > _BENT] if len(before) and len(after) else ends[:0]
+
+    def allow(self, step: Step, stepped: list[int]) -> bool:
+        """Whether a step bends a bone of its marker, if it has any, to markers that have not stepped at that time.
+
+        Where it bends but one, the others of that marker must be as they were.
+        """
+        bent = [end for end in self.bent(step.marker, step.start).tolist() if end not in stepped]
+        alone = len(bent) == 1 and len(self.bent(bent[0], step.start)) <= 1
+        return not len(self.of(step.marker)) or len(bent) > 1 or alone
+
+    def _apart(self, marker: int, ends: Ints) -> Floats:
+        return np.asarray(np.linalg.norm(self.positions[:, ends] - self.positions[:, [marker]], axis=2))
 
 
 def _holds(positions: Floats, trusted: Bools, guess: Prediction) -> tuple[Hold, ...]:
@@ -248,7 +285,7 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
             fresh[look.rigid.partners(step.marker)[0][:_CLOSEST]].any()
             or any(step.marker == old.marker for old in known)
             or not look.explains(step)
-            or not look.bends(step)
+            or not look.bones.allow(step, [old.marker for old in known if look.near(old, step)])
         ):
             continue
         tied = [other for other in clear if _tied(step, other, look)]
