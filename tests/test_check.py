@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import replace
@@ -154,6 +155,20 @@ def test_a_take_that_needs_too_long_fails(takes):
     code, out, err = run(takes / "clean.c3d", "--timeout", 0.01, "-v")
     assert (code, err) == (1, "")
     assert "it took longer than the limit of 0.01 s (--timeout)" in out
+
+
+def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
+    def interrupt(found, *, verbose):
+        if "clean" in found.source.name:
+            signal.raise_signal(signal.SIGINT)
+        return "told"
+
+    monkeypatch.setattr("mocapclean.cli.check.verdict", interrupt)
+    code, out, err = run(takes, "--junit", tmp_path / "check.xml")
+    assert code == 130
+    assert "takes pass" not in out
+    assert re.search("interrupted after [12] of 4 takes; nothing was written", err)
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
 """Drift: from some frame on a marker sits elsewhere in its segment, because it slid or was put back.
 
 A step is added to the regression of the marker on those around it; it must be 15 mm and 10 standard errors, and the
-path of the marker must not cost more without it; where bones hold it (partners with a robust SD of 0.5 mm), the length
-of one of them must change by 2 mm, unless it is 30 standard errors. Of partners that step at the same time the one with
-the surest step is at fault. What comes after the step is distrusted, for the first place is taken for the right one,
-unless less than 15 % of the marker's frames come before it.
+path of the marker must not cost more without it. Where bones hold the marker, a length of them must change, and if it
+is but one, no other of the marker at its other end, which would then be at fault. Of partners that step at the same
+time the one with the surest step is at fault. What comes after the step is distrusted, for the first place is taken for
+the right one, unless less than 15 % of the marker's frames come before it.
 """
 
 from typing import Annotated
