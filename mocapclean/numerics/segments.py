@@ -123,7 +123,8 @@ def _rotations(product: Floats, bound: Floats) -> Floats:
 class Step:
     """From frame ``start`` on a marker sits ``offset`` (3,) mm from where it sat, in its segment's frame.
 
-    score: the size of the step over its standard error. sudden: whether it is made within a frame.
+    score: the size of the step over its standard error. sudden: whether it is made within a frame. bends: whether it
+    changes a length that is constant otherwise.
     """
 
     marker: int
@@ -131,6 +132,7 @@ class Step:
     offset: Floats
     score: float
     sudden: bool = False
+    bends: bool = False
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,8 @@
 """Drift: from some frame on a marker sits elsewhere in its segment, because it slid or was put back.
 
-A step is added to the regression of the marker on those around it; it must be 15 mm and 10 standard errors, and the
-path of the marker must not cost more without it. Where bones hold the marker, a length of them must change, and if it
-is but one, no other of the marker at its other end, which would then be at fault. Of partners that step at the same
+A step is added to the regression of the marker on those around it; it must be 15 mm and 10 standard errors (6 where it
+bends a bone), and the path of the marker must not cost more without it. Where bones hold the marker, one must bend, and
+if it is but one, no other of a marker at its other end that may have stepped as well. Of partners that step at the same
 time the one with the surest step is at fault. What comes after the step is distrusted, for the first place is taken for
 the right one, unless less than 15 % of the marker's frames come before it.
 """
@@ -15,7 +15,7 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.parameters import STRICT
 from mocapclean.records import Finding
-from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, Evidence
+from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, Evidence, surely
 from mocapclean.trust.rule import Ruling, Switch
 
 _FIRST = 15
@@ -26,7 +26,9 @@ class Params(Switch):
     """The numbers of the rule."""
 
     least: Annotated[float, Field(ge=LEAST_STEP, description="mm that it moved in its segment")] = LEAST_STEP
-    surely: Annotated[float, Field(ge=LEAST_SCORE, description="1, that over its standard error")] = LEAST_SCORE
+    surely: Annotated[
+        float, Field(ge=LEAST_SCORE, description="1, that over its standard error; 0.6 of it if it bends a bone")
+    ] = LEAST_SCORE
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
@@ -35,7 +37,7 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     drifted, told = np.zeros_like(take.trusted), []
     for step in evidence.study.steps:
         size, seen = float(np.linalg.norm(step.offset)), take.trusted[:, step.marker]
-        if size >= params.least and step.score >= params.surely:
+        if size >= params.least and step.score >= surely(step, params.surely):
             early = 100 * np.count_nonzero(seen[: step.start]) < _FIRST * np.count_nonzero(seen)
             start, stop = (0, step.start) if early else (step.start, len(seen))
             drifted[start:stop, step.marker] = seen[start:stop]

@@ -21,7 +21,7 @@ _ROUNDS, _SETTLED = 5, 5e-4
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
 _RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
-_BENT, _BENT_SECONDS = 0.5, 4.0
+_BENT, _BENT_SECONDS, _BENT_SCORE = 0.5, 2.0, 0.6
 _STILL = 0.005
 _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
 LEAST_STEP, LEAST_SCORE = 15.0, 10.0
@@ -228,13 +228,13 @@ class _Bones:
         before, after = apart[max(0, first - self.window) : first], apart[frame + self.around :][: self.window]
         return ends[np.abs(nan_median(after) - nan_median(before)) > _BENT] if len(before) and len(after) else ends[:0]
 
-    def allow(self, step: Step, stepped: list[int]) -> bool:
+    def allow(self, step: Step, stepped: list[int], stepping: list[int]) -> bool:
         """Whether a step bends a bone of its marker, if it has any, to markers that have not stepped at that time.
 
-        Where it bends but one, the others of that marker must be as they were.
+        Where it bends but one, to a marker that may step as well, the others of that marker must be as they were.
         """
         bent = [end for end in self.bent(step.marker, step.start).tolist() if end not in stepped]
-        alone = len(bent) == 1 and len(self.bent(bent[0], step.start)) <= 1
+        alone = len(bent) == 1 and (bent[0] not in stepping or len(self.bent(bent[0], step.start)) <= 1)
         return not len(self.of(step.marker)) or len(bent) > 1 or alone
 
     def _apart(self, marker: int, ends: Ints) -> Floats:
@@ -279,13 +279,16 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
     same time the surest goes first, unless it is an echo; the echoes of it are gone in the next round.
     """
     chosen: list[Step] = []
-    clear = [step for step in steps if step.score >= LEAST_SCORE and np.linalg.norm(step.offset) >= LEAST_STEP]
+    seen = [replace(step, bends=bool(look.bones.bent(step.marker, step.start).size)) for step in steps]
+    clear = [step for step in seen if step.score >= surely(step) and np.linalg.norm(step.offset) >= LEAST_STEP]
     for step in sorted(clear, key=lambda step: -step.score):
         if (
             fresh[look.rigid.partners(step.marker)[0][:_CLOSEST]].any()
             or any(step.marker == old.marker for old in known)
             or not look.explains(step)
-            or not look.bones.allow(step, [old.marker for old in known if look.near(old, step)])
+            or not look.bones.allow(
+                step, *([one.marker for one in of if look.near(one, step)] for of in (known, clear))
+            )
         ):
             continue
         tied = [other for other in clear if _tied(step, other, look)]
@@ -296,6 +299,11 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
     return chosen
 
 
+def surely(step: Step, least: float = LEAST_SCORE) -> float:
+    """The least score of a step, less where it bends a bone."""
+    return least * (_BENT_SCORE if step.bends else 1.0)
+
+
 def _echoes(step: Step, other: Step, look: _Look) -> bool:
     """Whether a step is but an echo of one with a smaller score.
 
@@ -304,7 +312,7 @@ def _echoes(step: Step, other: Step, look: _Look) -> bool:
     """
     if other.score < _RIVAL * step.score:
         return False
-    goes, stays = look.remains(step, other) < LEAST_SCORE, look.remains(other, step) >= LEAST_SCORE
+    goes, stays = look.remains(step, other) < surely(step), look.remains(other, step) >= surely(other)
     even = goes and not stays and other.score >= _EVEN * step.score
     return (goes and stays) or (even and look.agrees(other, step) > max(look.agrees(step, other), _AGREES))
 

@@ -1,7 +1,8 @@
 """Prediction: a marker is not where the markers around it say, far beyond what is usual for it.
 
-The residual of the regression in its segment's frame exceeds 30 mm and an exponential tail through its own median and
-95th percentile, where that is exceeded once in a million. Unlike ``jump`` it needs no sharp edge.
+The residual of the regression in its segment's frame exceeds 30 mm; an exponential tail through its own median and 95th
+percentile, where that is exceeded once in a million; and twice the residuals of its five closest partners, for a whole
+limb is where it was never seen before when it moves as never before. Unlike ``jump`` the rule needs no sharp edge.
 """
 
 from typing import Annotated
@@ -14,6 +15,8 @@ from mocapclean.numerics.paths import tail
 from mocapclean.parameters import STRICT
 from mocapclean.trust.evidence import Evidence
 from mocapclean.trust.rule import Ruling, Switch, findings, lasting
+
+_CLOSEST, _ALONE = 5, 2.0
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -29,6 +32,9 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     away = np.linalg.norm(study.residual, axis=2)
     limit = np.maximum(params.least, tail(away)[1])
     far = np.asarray(study.known & (away > limit))
+    for marker in np.flatnonzero(far.any(axis=0)).tolist():
+        partners = evidence.rigid.partners(marker)[0][:_CLOSEST]
+        far[:, marker] &= away[:, marker] > _ALONE * np.nan_to_num(away[:, partners]).max(axis=1, initial=0.0)
 
     def message(marker: int, start: int, stop: int) -> str:
         most = np.nanmax(away[start:stop, marker])
