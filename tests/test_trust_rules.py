@@ -10,6 +10,7 @@ from mocapclean.formats import c3d, read, write
 from mocapclean.records import Finding, Take
 from mocapclean.repair import fill
 from mocapclean.simulate import inject, perform
+from mocapclean.skeleton import move
 from mocapclean.trust import RULES, _united, detect
 from mocapclean.trust.evidence import Evidence
 
@@ -148,6 +149,25 @@ def test_prediction_finds_it_too(box):
     distrusted, _ = ruled(moved(box, positions=positions), "predict")
     assert distrusted[215:235, marker].all()
     assert not np.delete(distrusted, marker, axis=1).any()
+
+
+def test_prediction_leaves_a_limb_that_moves_as_never_before(box):
+    positions = box.positions.copy()
+    arm = [box.markers.index(name) for name in ("LELB", "LFRM", "LWRA", "LWRB", "LFIN")]
+    positions[200:250, arm] += 90 * np.sin(np.linspace(0, np.pi, 50))[:, None, None] * [0.0, 0.6, 0.8]
+    distrusted, _ = ruled(moved(box, positions=positions), "predict")
+    assert not distrusted.any()
+
+
+def test_bones_tell_a_drift_from_its_echoes():
+    boxing = perform("boxing", 5.0, 120.0, 2)
+    joints = move(boxing.asf, boxing.asf_poses).positions
+    take = Take(positions=joints, trusted=np.ones(joints.shape[:2], dtype=bool), markers=boxing.asf.names, rate=120.0)
+    injected = inject(take, np.random.default_rng(8), ["drift"], rate=1e-9, size=4.0)
+    (event,) = injected.events
+    distrusted, (finding,) = ruled(injected.take, "drift")
+    assert finding.marker == take.markers[event.markers[0]]
+    assert (distrusted & injected.faulty).sum() >= 0.9 * injected.faulty.sum()
 
 
 def test_outliers_are_the_sparse_part_of_a_low_rank_model(box):
