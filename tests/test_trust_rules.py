@@ -154,9 +154,12 @@ def test_prediction_finds_it_too(box):
 def test_prediction_leaves_a_limb_that_moves_as_never_before(box):
     positions = box.positions.copy()
     arm = [box.markers.index(name) for name in ("LELB", "LFRM", "LWRA", "LWRB", "LFIN")]
-    positions[200:250, arm] += 90 * np.sin(np.linspace(0, np.pi, 50))[:, None, None] * [0.0, 0.6, 0.8]
+    waves = np.sin(np.linspace(0, np.pi, 30)[:, None] * np.arange(1, 6))
+    away = np.random.default_rng(0).normal(size=(5, len(arm), 3))
+    away *= 250.0 / np.linalg.norm(away, axis=(0, 2), keepdims=True)
+    positions[200:230, arm] += np.einsum("fk,kmc->fmc", waves, away)
     distrusted, _ = ruled(moved(box, positions=positions), "predict")
-    assert not distrusted.any()
+    assert distrusted.sum() <= 0.1 * 30 * len(arm)
 
 
 def test_bones_tell_a_drift_from_its_echoes():

@@ -178,7 +178,9 @@ def _drift(scene: _Scene) -> None:
         start = int(scene.rng.integers(n_frames // 5, max(n_frames - n_frames // 5, n_frames // 5 + 1)))
         stop = n_frames
         usable = scene.trusted[:, marker]
-        if (scene.taken[start : stop - _MARGIN, marker] & usable[start : stop - _MARGIN]).any() or not usable.any():
+        if (scene.taken[start : stop - _MARGIN, marker] & usable[start : stop - _MARGIN]).any() or not usable[
+            start:
+        ].any():
             continue
         slide = (
             int(scene.rng.integers(1, max(2, round(_SLIDE_SECONDS * scene.rate)))) if scene.rng.random() < 0.5 else 1
