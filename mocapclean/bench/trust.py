@@ -17,6 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mocapclean.bench.jobs import Capture, Choice, Entry, Found, Job, rms, solve
 from mocapclean.bench.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.config import DEFAULT_METHOD
+from mocapclean.numerics.robust import nan_median
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.simulate import FAULTS, Injected, inject
 from mocapclean.trust import RULES, detect, swap
@@ -128,10 +129,9 @@ def hampel(positions: Floats, trusted: Bools) -> Bools:
     """
     known = np.where(trusted[..., None], positions, np.nan)
     padded = np.pad(known, ((_HALF_WINDOW, _HALF_WINDOW), (0, 0), (0, 0)), constant_values=np.nan)
-    with np.errstate(all="ignore"):
-        windows = sliding_window_view(padded, 2 * _HALF_WINDOW + 1, axis=0)
-        middle = np.nanmedian(windows, axis=-1)
-        spread = 1.4826 * np.nanmedian(np.abs(windows - middle[..., None]), axis=-1)
+    windows = sliding_window_view(padded, 2 * _HALF_WINDOW + 1, axis=0)
+    middle = nan_median(windows, axis=-1)
+    spread = 1.4826 * nan_median(np.abs(windows - middle[..., None]), axis=-1)
     return np.asarray(trusted & (np.abs(known - middle) > _SIGMAS * spread).any(axis=2))
 
 
