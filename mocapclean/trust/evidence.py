@@ -275,7 +275,7 @@ def _held(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
 def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools, look: _Look) -> list[Step]:
     """The steps that stand out, best first.
 
-    A step waits while a marker that it is measured by has fresh (M,) strays of its own. Of partners that step at the
+    A step waits while its marker, or one that it is measured by, has fresh (M,) strays. Of partners that step at the
     same time the surest goes first, unless it is an echo; the echoes of it are gone in the next round.
     """
     chosen: list[Step] = []
@@ -283,7 +283,7 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
     clear = [step for step in seen if step.score >= surely(step) and np.linalg.norm(step.offset) >= LEAST_STEP]
     for step in sorted(clear, key=lambda step: -step.score):
         if (
-            fresh[look.rigid.partners(step.marker)[0][:_CLOSEST]].any()
+            fresh[[step.marker, *look.rigid.partners(step.marker)[0][:_CLOSEST]]].any()
             or any(step.marker == old.marker for old in known)
             or not look.explains(step)
             or not look.bones.allow(
