@@ -173,6 +173,16 @@ def test_bones_tell_a_drift_from_its_echoes():
     assert (distrusted & injected.faulty).sum() >= 0.9 * injected.faulty.sum()
 
 
+def test_a_slide_is_part_of_the_drift(box):
+    positions = box.positions.copy()
+    marker = box.markers.index("LTHI")
+    share = np.clip((np.arange(len(positions)) - 300) / 60, 0.0, 1.0)
+    positions[:, marker] += share[:, None] * [0.0, 48.0, 64.0]
+    distrusted, _ = ruled(moved(box, positions=positions), "drift")
+    assert distrusted[315:, marker].all()
+    assert not distrusted[:300].any()
+
+
 def test_outliers_are_the_sparse_part_of_a_low_rank_model(box):
     take = box.crop(0, 60).select(np.arange(12))
     positions = take.positions.copy()

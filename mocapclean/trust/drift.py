@@ -4,7 +4,8 @@ A step is added to the regression of the marker on those around it; it must be 1
 bends a bone), and the path of the marker must not cost more without it. Where bones hold the marker, one must bend, and
 if it is but one, no other of a marker at its other end that may have stepped as well. Of partners that step at the same
 time the one with the surest step is at fault. What comes after the step is distrusted, for the first place is taken for
-the right one, unless less than 15 % of the marker's frames come before it.
+the right one, unless less than 15 % of the marker's frames come before it; so is the slide that leads to it, while the
+marker is 3 mm, and 3 times what is usual for it, on its way.
 """
 
 from typing import Annotated
@@ -13,12 +14,15 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.segments import Step
 from mocapclean.parameters import STRICT
 from mocapclean.records import Finding
-from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, Evidence, surely
+from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, SLIDE_SECONDS, Evidence, surely
 from mocapclean.trust.rule import Ruling, Switch
 
 _FIRST = 15
+_SLID, _CALM = 3.0, 3.0
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -39,7 +43,7 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
         size, seen = float(np.linalg.norm(step.offset)), take.trusted[:, step.marker]
         if size >= params.least and step.score >= surely(step, params.surely):
             early = 100 * np.count_nonzero(seen[: step.start]) < _FIRST * np.count_nonzero(seen)
-            start, stop = (0, step.start) if early else (step.start, len(seen))
+            start, stop = (0, step.start) if early else (_begun(evidence, step), len(seen))
             drifted[start:stop, step.marker] = seen[start:stop]
             told.append(
                 Finding(
@@ -53,3 +57,13 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
                 )
             )
     return drifted, tuple(told)
+
+
+def _begun(evidence: Evidence, step: Step) -> int:
+    """The frame from which on a marker slides to where it sits after a step, at most half a second before it."""
+    size = float(np.linalg.norm(step.offset))
+    along = evidence.study.residual[:, step.marker] @ step.offset / size
+    first = max(0, step.start - round(SLIDE_SECONDS * evidence.take.rate))
+    usual = float(nan_median(np.abs(along[:first]))) if first else np.nan
+    still = np.flatnonzero(~(along[first : step.start] > np.fmax(_SLID, _CALM * usual)))
+    return first + int(still[-1]) + 1 if still.size else first

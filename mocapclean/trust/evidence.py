@@ -28,7 +28,7 @@ LEAST_STEP, LEAST_SCORE = 15.0, 10.0
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
 _COST_SECONDS = 1.25
-_SLIDE_SECONDS = 0.5
+SLIDE_SECONDS = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +140,7 @@ class _Look:
     ) -> None:
         self.filled, self.turns, self.rigid, self.bones = filled, guess.rotation, rigid, bones
         self.measured, self.usable, self.cost = measured, usable, _COST_SECONDS * rate
-        self.around = round(_SLIDE_SECONDS * rate / 2)
+        self.around = round(SLIDE_SECONDS * rate / 2)
         residual = ((positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
         self.positions, self.residual = (np.where(measured[..., None], path, np.nan) for path in (positions, residual))
         innovation = paths.innovations(self.positions, self.residual)
@@ -207,7 +207,7 @@ class _Bones:
     def __init__(self, positions: Floats, rigid: Rigidity, rate: float) -> None:
         self.positions, self.rigid = positions, rigid
         self.lag, self.around, self.window = (
-            max(1, round(seconds * rate)) for seconds in (_RIGID_SECONDS, _SLIDE_SECONDS / 2, _BENT_SECONDS)
+            max(1, round(seconds * rate)) for seconds in (_RIGID_SECONDS, SLIDE_SECONDS / 2, _BENT_SECONDS)
         )
         self.lag, self.around = min(self.lag, len(positions) // 2), self.around + _SNAP
         self.ends = dict[int, Ints]()
