@@ -21,6 +21,7 @@ _LEAST = 8.0
 _CALM, _JERK = 3.0, 0.6
 _RARE = 1e-6
 _NEAR = 2
+_NO_PATH = 0.1
 _HALO = 2
 _LOOK_BACK = 40
 _FREE, _GROWTH = 6, 0.25
@@ -76,11 +77,13 @@ def deviations(
 
     positions, residual: (F, 3), NaN where not trusted; breaks: (F,) bool; threshold: (F,) mm; usable: (F,) the frames
     whose wandering counts. cost: what a step that nothing explains costs, in frames: two of them are worth it to keep a
-    piece twice as long, one to keep an end of this length. Off the chain, the residual of the path is a line.
+    piece twice as long, one to keep an end of this length. Off the chain, the residual of the path is a line. A marker
+    that breaks in more than a tenth of its frames has no path.
     """
     trusted = np.isfinite(residual[:, 0])
     off = np.zeros(len(trusted))
-    if not (breaks & trusted).any():
+    n_breaks = np.count_nonzero(breaks & trusted)
+    if not n_breaks or n_breaks > _NO_PATH * np.count_nonzero(trusted):
         return off, slice(0, len(off)), 0.0
     pieces = _pieces(trusted, breaks)
     wander = _wander(residual, usable & trusted)
@@ -140,11 +143,11 @@ def _chain(
         limit = np.maximum(threshold[starts[i]], threshold[stops[j] - 1])
         limit = np.where(far, np.maximum(limit * (1 + _GROWTH * (gap - _FREE)), np.interp(gap, _LAGS, wander)), limit)
         step, leap, time = first[i] - last[j], came[i] - went[j], gap[:, None].astype(float)
-        by_residual = np.stack([step, step - time * leaving[j], step - time * arriving[i]])
-        by_position = np.stack([leap - time * away[j], leap - time * towards[i]])
-        can = (np.linalg.norm(by_residual, axis=2) <= limit).any(axis=0)
+        by_residual = np.array([step, step - time * leaving[j], step - time * arriving[i]])
+        by_position = np.array([leap - time * away[j], leap - time * towards[i]])
+        can = (np.einsum("kjc,kjc->kj", by_residual, by_residual) <= limit**2).any(axis=0)
         close = (gap <= _NEAR + 1) & (several[i, 0] | several[j, 0])
-        can |= close & (np.linalg.norm(by_position, axis=2) <= threshold[starts[i]]).any(axis=0)
+        can |= close & (np.einsum("kjc,kjc->kj", by_position, by_position) <= threshold[starts[i]] ** 2).any(axis=0)
         can |= (gap == 1) & ~breaks[starts[i]]
         worth = total[j] - np.where(can, 0.0, cost)
         best = int(np.argmax(worth))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.segment_frames import rotations
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -28,7 +29,6 @@ _FLOOR = 0.5
 _PENALTIES = np.logspace(-6, 1, 15)
 _CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
 _LONGEST_LAG = 200
-_NEWTON, _FLAT = 30, 1e-13
 
 
 @dataclass(frozen=True)
@@ -64,59 +64,15 @@ def rigidity(positions: Floats, trusted: Bools) -> Rigidity:
     return Rigidity(distance, spread)
 
 
-def segment_frames(shape: Floats, seen: Floats, weights: Floats) -> tuple[Floats, Floats]:
+def lay(shape: Floats, seen: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """The rotations (F, 3, 3) and centres (F, 3) that lay a shape (K, 3) on what is seen of it (F, K, 3).
 
-    weights: (K,). Local coordinates are ``(x - centre) @ rotation``. Weighted least squares by unit quaternions,
-    B. K. P. Horn, 1987, doi:10.1364/JOSAA.4.000629, the largest eigenvalue by Newton's method from above as in
-    D. L. Theobald, 2005, doi:10.1107/S0108767305015266.
+    By weighted (K,) least squares. Local coordinates are ``(x - centre) @ rotation``.
     """
     share = weights / weights.sum()
     centres = np.tensordot(seen, share, axes=(1, 0))
-    offset, model = seen - centres[:, None], shape - share @ shape
-    product = (share[:, None] * model).T @ offset
-    size = (share @ (model**2).sum(axis=1) + (offset**2).sum(axis=2) @ share) / 2
-    return _rotations(product, size), centres
-
-
-def _rotations(product: Floats, bound: Floats) -> Floats:
-    """The rotations (F, 3, 3) R that make trace(product (F, 3, 3) R) largest; bound: (F,), that it does not exceed."""
-    scale = np.maximum(bound, np.finfo(float).tiny)[:, None]
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = (product.reshape(-1, 9) / scale).T.reshape(3, 3, -1)
-    matrix = np.array(
-        [
-            [xx + yy + zz, yz - zy, zx - xz, xy - yx],
-            [yz - zy, xx - yy - zz, xy + yx, zx + xz],
-            [zx - xz, xy + yx, yy - xx - zz, yz + zy],
-            [xy - yx, zx + xz, yz + zy, zz - xx - yy],
-        ]
-    ).transpose(2, 0, 1)
-    square = matrix @ matrix
-    second = np.trace(square, axis1=1, axis2=2)
-    third, fourth = (square * matrix).sum(axis=(1, 2)), (square * square).sum(axis=(1, 2))
-    c2, c1, c0 = -second / 2, -third / 3, second**2 / 8 - fourth / 4
-    largest = np.ones(len(matrix))
-    for _ in range(_NEWTON):
-        slope = 4 * largest**3 + 2 * c2 * largest + c1
-        step = (((largest**2 + c2) * largest + c1) * largest + c0) / np.where(np.abs(slope) > _FLAT, slope, np.inf)
-        largest = largest - step
-        if np.abs(step).max(initial=0.0) < _FLAT:
-            break
-    # The adjugate of matrix - largest, by Cayley and Hamilton, is a multiple of q q'.
-    l1, l2 = largest[:, None, None], (largest**2 + c2)[:, None, None]
-    adjugate = (
-        square @ matrix + l1 * square + l2 * matrix + ((largest**2 + c2) * largest + c1)[:, None, None] * np.eye(4)
-    )
-    best = np.argmax(np.abs(np.diagonal(adjugate, axis1=1, axis2=2)), axis=1)
-    w, x, y, z = (adjugate[np.arange(len(best)), best] + np.eye(4)[0] * np.finfo(float).tiny).T
-    norm = 2.0 / np.maximum(w * w + x * x + y * y + z * z, np.finfo(float).tiny)
-    return np.array(
-        [
-            [1 - norm * (y * y + z * z), norm * (x * y - w * z), norm * (x * z + w * y)],
-            [norm * (x * y + w * z), 1 - norm * (x * x + z * z), norm * (y * z - w * x)],
-            [norm * (x * z - w * y), norm * (y * z + w * x), 1 - norm * (x * x + y * y)],
-        ]
-    ).transpose(2, 0, 1)
+    model = share[:, None] * (shape - share @ shape)
+    return rotations((seen - centres[:, None]).swapaxes(1, 2) @ model), centres
 
 
 @dataclass(frozen=True)
@@ -198,9 +154,9 @@ def _segment(seen: Floats, weights: Floats, train: Ints) -> tuple[Floats, Floats
     """The frames of a segment over all frames, about the mean shape of its partners over the training frames."""
     shape = seen[train[len(train) // 2]]
     for _ in range(2):
-        turn, centre = segment_frames(shape, seen[train], weights)
+        turn, centre = lay(shape, seen[train], weights)
         shape = ((seen[train] - centre[:, None]) @ turn).mean(axis=0)
-    return segment_frames(shape, seen, weights)
+    return lay(shape, seen, weights)
 
 
 def _spaced(frames: Ints, most: int) -> Ints:

@@ -10,7 +10,7 @@ import numpy as np
 
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.segments import rigidity, segment_frames
+from mocapclean.numerics.segments import lay, rigidity
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.simulate.bounds import within
 
@@ -200,7 +200,7 @@ def _segment(scene: _Scene, marker: int) -> Floats:
     partners, weights = rigidity(scene.truth, scene.trusted).partners(marker)
     if len(partners) < 3:
         return np.broadcast_to(np.eye(3), (len(filled), 3, 3))
-    return segment_frames(filled[len(filled) // 2, partners], filled[:, partners], weights)[0]
+    return lay(filled[len(filled) // 2, partners], filled[:, partners], weights)[0]
 
 
 FAULTS: dict[str, Callable[[_Scene], None]] = {

@@ -6,6 +6,7 @@ any of them distrusts is not trusted, and where several say the same of a span, 
 rules ``AFTERWARDS`` cannot tell a fault from what comes before or after it; they see only what the others trust.
 """
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import ModuleType
@@ -75,14 +76,17 @@ def detect(take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: boo
 def _united(findings: Sequence[Finding]) -> list[Finding]:
     """The findings without those about a span that an earlier one is about as well, which names their rules."""
     united: list[Finding] = []
+    places = defaultdict[str | None, list[int]](list)
     for finding in findings:
-        for place, earlier in enumerate(united):
+        for place in places[finding.marker]:
+            earlier = united[place]
             frames = _common(finding, earlier) if finding.rule != earlier.rule else None
             if frames:
                 message = f"{earlier.message}; so says {finding.rule}"
                 united[place] = replace(earlier, frames=frames, message=message)
                 break
         else:
+            places[finding.marker].append(len(united))
             united.append(finding)
     return united
 

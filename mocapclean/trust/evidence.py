@@ -181,7 +181,7 @@ class _Look:
         away = self.positions[:, partners] - self.positions[:, [step.marker]]
         apart = np.linalg.norm(away, axis=2)
         change = nan_median(apart[step.start :]) - nan_median(apart[: step.start])
-        turned = (away / apart[..., None]) @ self.turns[:, step.marker]
+        turned = (away / np.maximum(apart, 1e-9)[..., None]) @ self.turns[:, step.marker]
         expected = -nan_median(turned) @ step.offset
         return float(1.0 - np.abs(change - expected).sum() / max(np.abs(expected).sum(), 1e-9))
 

@@ -3,6 +3,7 @@
 import random
 import signal
 import tempfile
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -46,7 +47,7 @@ class Fuzz:
             source = self.input(seed, Path(place))
             output = Path(place) / f"out{source.suffix}"
             try:
-                with _hurry():
+                with _hurry(), warnings.catch_warnings(action="error", category=RuntimeWarning):
                     outcome = repair(source, output, SETTINGS)
                     if outcome.status == "failed":
                         if "not enough memory" in outcome.error:

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mocapclean.numerics.segments import complete, predict, rigidity, segment_frames
+from mocapclean.numerics.segments import complete, lay, predict, rigidity
 
 
 def kabsch(shape, seen, weights):
@@ -28,7 +28,7 @@ def test_rotations_agree_with_the_svd(seed, n_points, noise):
     turns = Rotation.random(20, random_state=seed).as_matrix()
     seen = shape @ turns.swapaxes(1, 2) + rng.normal(size=(20, 1, 3)) * 500
     seen = seen + rng.normal(size=seen.shape) * noise
-    found, centres = segment_frames(shape, seen, weights)
+    found, centres = lay(shape, seen, weights)
     np.testing.assert_allclose(found @ found.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(centres, np.einsum("k,fkc->fc", weights / weights.sum(), seen))
     spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
