@@ -133,6 +133,19 @@ def test_units_are_told_and_nothing_is_distrusted(box, factor, told):
     assert not distrusted.any()
 
 
+def test_a_sample_that_no_unit_explains_is_distrusted_and_misleads_no_rule(box):
+    positions = box.positions.copy()
+    positions[100:103, 4] = 1e30
+    positions[250, 7] = [0.0, -1e12, 0.0]
+    broken = np.zeros(box.trusted.shape, dtype=bool)
+    broken[100:103, 4] = broken[250, 7] = True
+    distrusted, findings = ruled(moved(box, positions=positions), "units")
+    assert np.array_equal(distrusted, broken)
+    assert [finding.frames for finding in findings if finding.marker] == [(100, 103), (250, 251)]
+    taken = detect(moved(box, positions=positions))
+    assert np.array_equal(~taken.trusted & box.trusted, broken | (~detect(box).trusted & box.trusted))
+
+
 def test_bones_find_a_marker_that_slowly_leaves(box):
     positions = box.positions.copy()
     marker = box.markers.index("LFHD")

@@ -17,6 +17,7 @@ from mocapclean.numerics.segments import Ints, Prediction, Rigidity, Step, compl
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.runs import column_runs
 
+_FARTHEST = 1e8
 _ROUNDS, _SETTLED = 5, 5e-4
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
@@ -76,19 +77,28 @@ class Evidence:
     take: Take
 
     @cached_property
+    def near(self) -> Bools:
+        """The trusted samples (F, M) within 100 km of their median: what is farther is no measurement in any unit."""
+        trusted = self.take.trusted
+        if not trusted.any():
+            return trusted
+        middle = np.median(self.take.positions[trusted], axis=0)
+        return np.asarray(trusted & (np.abs(self.take.positions - middle) <= _FARTHEST).all(axis=2))
+
+    @cached_property
     def rigid(self) -> Rigidity:
         """How rigidly the markers are tied to each other."""
-        return rigidity(self.take.positions, self.take.trusted)
+        return rigidity(self.take.positions, self.near)
 
     @cached_property
     def exchanges(self) -> tuple[Exchange, ...]:
         """Pairs of markers that bear each other's name for a time."""
-        return exchanges(np.where(self.take.trusted[..., None], self.take.positions, np.nan), self.rigid)
+        return exchanges(np.where(self.near[..., None], self.take.positions, np.nan), self.rigid)
 
     @cached_property
     def study(self) -> Study:
         """What the markers around each sample say of it."""
-        trusted = self.take.trusted
+        trusted = self.near
         positions = exchange(self.take.positions, self.exchanges)
         rigid = rigidity(positions, trusted) if self.exchanges else self.rigid
         bones = _Bones(np.where(trusted[..., None], positions, np.nan), rigid, self.take.rate)

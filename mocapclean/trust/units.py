@@ -1,10 +1,11 @@
 """Units: the size or the speed of the take cannot be a body's in the unit that is stated.
 
 The size is the median distance of a marker to the one a quarter of all markers away, 100 to 500 mm for a body whatever
-is in sight with it; the speed is the 99th percentile over all samples. The finding is about the whole take; nothing is
-distrusted.
+is in sight with it; the speed is the 99th percentile over all samples. These findings are about the whole take, and
+distrust nothing. A sample more than 100 km from the others is no measurement in any unit, and is distrusted.
 """
 
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -13,6 +14,7 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.parameters import STRICT
 from mocapclean.records import Finding, Take
+from mocapclean.runs import column_runs
 from mocapclean.trust.evidence import Evidence
 from mocapclean.trust.rule import Ruling, Switch
 
@@ -31,8 +33,9 @@ class Params(Switch):
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """No samples, and a finding when the take is too small, too large or too fast for a body."""
-    take = evidence.take
+    """The samples far from all others, and a finding when the take is too small, too large or too fast for a body."""
+    take = replace(evidence.take, trusted=evidence.near)
+    far = evidence.take.trusted & ~evidence.near
     told = []
     size, speed = _size(take), _speed(take)
     if size is not None and not params.smallest <= size <= params.largest:
@@ -43,9 +46,19 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     if speed is not None and speed > params.fastest:
         told.append(f"moves at {speed:.3g} mm/s where {params.fastest:g} is the limit")
     advice = "check the unit (--unit) and the rate (--rate), unless it is a face, a hand or a thing"
-    return np.zeros_like(take.trusted), tuple(
-        Finding(rule="units", level="error", message=f"the take {text}", advice=advice) for text in told
-    )
+    findings = [Finding(rule="units", level="error", message=f"the take {text}", advice=advice) for text in told]
+    findings += [
+        Finding(
+            rule="units",
+            level="warning",
+            message="is more than 100 km from the other markers",
+            marker=take.markers[marker],
+            frames=(start, stop),
+            advice="it is filled; look for what damaged the file",
+        )
+        for marker, start, stop in column_runs(far)
+    ]
+    return far, tuple(findings)
 
 
 def _size(take: Take) -> float | None:
