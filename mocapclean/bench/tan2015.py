@@ -18,6 +18,7 @@ from mocapclean.bench.jobs import CMU_UNIT, Capture, Choice, Entry, Found, Job, 
 from mocapclean.bench.published import published
 from mocapclean.bench.results import Curve, Figure, Panel, Results, Table, beside, number
 from mocapclean.bones import bones_of
+from mocapclean.config import DEFAULT_METHOD
 from mocapclean.errors import SolverError
 from mocapclean.records import Bools, Floats, Take
 
@@ -36,6 +37,8 @@ PRINTED_STEPS = (
     Entry(method="svt", variant="step 0.75", changes={"origin": "file", "iteration": "paper", "step": 0.75}),
     Entry(method="scsvt", variant="step 0.75", changes={"origin": "file", "iteration": "paper", "step": 0.75}),
 )
+BARE = "without bones"
+"""The variant of the default method, where it is asked for, that is not told the skeleton."""
 PRINTED_AS = {"svt": "svt step 1.5", "scsvt": "scsvt step 0.75"}
 """Which printed seconds stand beside our own iterations."""
 
@@ -55,6 +58,7 @@ def jobs(choice: Choice) -> list[Job]:
     losses = [Loss(length=length, out=out) for out in ((3,) if choice.quick else (3, 6)) for length in lengths]
     three = [loss for loss in losses if loss.out == 3]
     main = [entry for entry in chosen if (entry.method, entry.variant) not in timed]
+    main += [replace(entry, variant=BARE) for entry in main if entry.method == DEFAULT_METHOD]
     printed = [entry for entry in chosen if (entry.method, entry.variant) in timed]
     return [*grid(choice, main, losses, run), *grid(choice, printed, three, run), *_limited(choice, main)]
 
@@ -95,7 +99,8 @@ def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
     """Errors (24), (25) and (26); the series of the shown loss has one column per joint."""
     truth = halved(capture.take, loss.length)
     missing = loss.missing(truth, seed)
-    solution, seconds = solve(truth, missing, entry)
+    known = replace(truth, skeleton=None) if entry.variant == BARE else truth
+    solution, seconds = solve(known, missing, entry)
     judged = truth.trusted & (solution.filled | ~missing)
     differences = (solution.positions - truth.positions) / CMU_UNIT
     measures = {
