@@ -20,7 +20,7 @@ Our own; parts after N. Cressie, 1993, doi:10.1002/9781119115151 (regression kri
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
 
 Cost per gap of L frames with q neighbours: O(n q²) for n about 600 + L frames to learn and test from, and
-O(q³) for 24 ridge systems in each of six views. Nothing grows with the take but the search for windows.
+O(q³) for 24 ridge systems in each of seven views. Nothing grows with the take but the search for windows.
 """
 
 from dataclasses import dataclass as plain_dataclass
@@ -91,7 +91,15 @@ class View:
     hinged: bool = False
 
 
-VIEWS = (View(12, 12), View(6, 6), View(24, 24, 5.0), View(4, 24), View(0, 24), View(6, 12, hinged=True))
+VIEWS = (
+    View(12, 12),
+    View(6, 6),
+    View(24, 24, 5.0),
+    View(4, 24),
+    View(0, 24),
+    View(6, 12, hinged=True),
+    View(12, 24, hinged=True),
+)
 """What a gap is predicted from; markers are taken in the order of their rigidity."""
 
 SHORT, SIDE, JOINT = 1.0 / 24.0, 1.0 / 3.0, 1.0 / 12.0  # seconds
@@ -101,6 +109,7 @@ APART = 0.3
 FEATURE_LOOSENESS = 2.5
 REACH_RATIO = 25.0
 BENDING, N_HINGED, RADIUS = 5.0, 8, 10.0
+SETTLED = 0.3
 FEWEST = 10
 MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
 DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
@@ -118,12 +127,16 @@ def solve(take: Take, params: Params, library: Dictionary | None = None, wanted:
     asked = [(k, a, b) for k, a, b in every if wanted is None or wanted[a:b, k].any()]
     passes, heavy, gaps = 0, False, asked
     while gaps and passes < params.passes:
+        before = scene.positions
         poor, pieced = scene.fill(gaps)
         passes += 1
         if poor and passes == 1:
             scene.fill([gap for gap in every if gap not in asked])
         heavy |= poor
-        gaps = every if heavy else pieced if passes == 1 else []
+        if passes == 1:
+            gaps = every if heavy else pieced
+        else:
+            gaps = [gap for gap in every if scene.moved(gap, before)] if heavy else []
     filled = possible & np.isfinite(scene.sd)
     return Solution(
         positions=np.where(filled[..., None] | take.trusted[..., None], scene.positions, 0.0),
@@ -171,6 +184,12 @@ class Scene:
         self.positions, self.sd = self.held(positions, sd), sd
         self.learnable = self.known | np.isfinite(sd)
         return poor, pieced
+
+    def moved(self, gap: Gap, before: Floats) -> bool:
+        """Whether a gap is filled otherwise than before (F, M, 3), by more than a share of its standard deviation."""
+        marker, start, stop = gap
+        step = self.positions[start:stop, marker] - before[start:stop, marker]
+        return bool(np.square(step).mean() > SETTLED**2 * np.square(self.sd[start:stop, marker]).mean())
 
     def held(self, positions: Floats, sd: Floats) -> Floats:
         """Positions (F, M, 3), the filled ones moved to where they keep the lengths of bones, each as it is unsure."""
