@@ -18,7 +18,7 @@ from mocapclean.records import Bools, Floats, Take
 from mocapclean.runs import column_runs
 
 _FARTHEST = 1e8
-_ROUNDS, _SETTLED = 5, 5e-4
+_ROUNDS, _SETTLED, _RUINED = 5, 5e-4, 0.9
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
 _RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
@@ -113,7 +113,8 @@ class Evidence:
             before, usable = usable, look.measured & ~look.astray & ~look.bursts
             fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
             found = _standing_out(guess.steps, steps, fresh, look)
-            if not found and np.count_nonzero(usable ^ before) <= _SETTLED * usable.size:
+            settled = not found and np.count_nonzero(usable ^ before) <= _SETTLED * usable.size
+            if settled or np.count_nonzero(usable) < _RUINED * np.count_nonzero(trusted):
                 break
             positions = positions.copy()
             for step in found:
