@@ -1,9 +1,14 @@
 """Shared fixtures: the real captures, when they are at hand, and a seeded random generator."""
 
+import os
 from pathlib import Path
 
-import numpy as np
-import pytest
+# One BLAS thread for each worker, as in the command; it must be said before NumPy is loaded.
+for library in ("OPENBLAS", "MKL", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+
+import numpy as np  # noqa: E402
+import pytest  # noqa: E402
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 
