@@ -14,12 +14,19 @@ from mocapclean.runs import column_runs
 
 
 def account(
-    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None = None
+    before: Take,
+    merged: Take,
+    after: Take,
+    wanted: Bools,
+    settings: Settings,
+    sd: Floats | None = None,
+    largest: float = np.inf,
 ) -> Outcome:
     """Count samples, gaps and bones.
 
     before: what is trusted; merged: what was solved; after: what was written; wanted: (F, M) what the user asked for;
-    sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
+    sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none. largest: mm, the
+    largest coordinate that the file can hold.
     The caller adds what only it knows: paths, hashes, method.
     """
     untrusted = ~before.trusted
@@ -47,7 +54,7 @@ def account(
         first_frame=before.first_frame,
         rate=before.rate,
         counts=counts,
-        gaps=_gaps(before, merged, after, wanted, settings, sd),
+        gaps=_gaps(before, merged, after, wanted, settings, sd, largest),
         findings=after.findings,
         fitting=metrics.error(merged.positions, after.positions, after.changed),
         bones_from=source,
@@ -57,7 +64,7 @@ def account(
 
 
 def _gaps(
-    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None
+    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None, largest: float
 ) -> tuple[Gap, ...]:
     rules = {name: before.distrusted_by(name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
@@ -67,6 +74,8 @@ def _gaps(
         expected = metrics.expected_error(sd[span]) if sd is not None else None
         if settings.too_uncertain(expected):
             why = "the expected error is above the limit"
+        elif (merged.filled[span] & (np.abs(merged.positions[span]) > largest).any(axis=1)).any():
+            why = "the file's numbers do not reach so far"
         else:
             why = _why_left(before, merged, wanted, marker, start, stop)
         gaps.append(

@@ -60,12 +60,16 @@ class ReadOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a take was read from: its path, format, the options it was read with, and the kept document."""
+    """Where a take was read from: its path, format, the options it was read with, and the kept document.
+
+    largest: mm, the largest coordinate that the file can hold.
+    """
 
     path: Path
     format: str
     options: ReadOptions
     document: Any = field(repr=False)
+    largest: float = float("inf")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -84,15 +84,14 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     else:
         solution = solver(settings.method, settings, library)(play, wanted)
     sd = _error_bars(play, solution, wanted, settings)
-    merged = merge(play, solution, _certain_enough(play, wanted, sd, settings))
-    written = formats.write(
-        _scatter(take, merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
-    )
+    certain = _certain_enough(play, wanted, sd, settings)
+    merged, held = merge(play, solution, certain), merge(play, solution, certain & _holdable(take, solution))
+    written = formats.write(_scatter(take, held), output, invalidate=settings.invalidate, overwrite=settings.overwrite)
     with _or_nothing(output):
         after = written.select(_columns(take, play))
         if arrays:
             sidecar.save(arrays, play, after, sd, settings.method)
-        outcome = account(play, merged, after, wanted, settings, sd)
+        outcome = account(play, merged, after, wanted, settings, sd, _largest(take))
         if truth is not None:
             outcome = judge(outcome, after, truth)
         return replace(
@@ -229,6 +228,16 @@ def _certain_enough(play: Take, wanted: Bools, sd: Floats | None, settings: Sett
         for marker, start, stop in column_runs(~play.trusted):
             kept[start:stop, marker] &= not settings.too_uncertain(metrics.expected_error(sd[start:stop, marker]))
     return kept
+
+
+def _holdable(take: Take, solution: Solution) -> Bools:
+    """Where (F, M) the take's file can hold a solution; what is not finite is for the writer to refuse."""
+    size = np.abs(solution.positions)
+    return np.asarray(~(np.isfinite(size) & (size > _largest(take))).any(axis=2))
+
+
+def _largest(take: Take) -> float:
+    return take.origin.largest if take.origin else np.inf
 
 
 def _reference(settings: Settings, play: Take) -> Take:

@@ -132,7 +132,9 @@ def read(path: Path, options: ReadOptions) -> Take:
         rate=rate,
         first_frame=first_frame,
         findings=(*told_frames, *told_rate, *told_unit, *told_scale, *findings, *others),
-        origin=Origin(path=path, format="c3d", options=options, document=document),
+        origin=Origin(
+            path=path, format="c3d", options=options, document=document, largest=document.words.limit * document.factor
+        ),
     )
 
 

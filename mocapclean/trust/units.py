@@ -14,9 +14,8 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.parameters import STRICT
 from mocapclean.records import Finding, Take
-from mocapclean.runs import column_runs
 from mocapclean.trust.evidence import Evidence
-from mocapclean.trust.rule import Ruling, Switch
+from mocapclean.trust.rule import Ruling, Switch, findings, lasting
 
 _FEWEST = 10
 _SAMPLE = 60
@@ -46,19 +45,12 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     if speed is not None and speed > params.fastest:
         told.append(f"moves at {speed:.3g} mm/s where {params.fastest:g} is the limit")
     advice = "check the unit (--unit) and the rate (--rate), unless it is a face, a hand or a thing"
-    findings = [Finding(rule="units", level="error", message=f"the take {text}", advice=advice) for text in told]
-    findings += [
-        Finding(
-            rule="units",
-            level="warning",
-            message="is more than 100 km from the other markers",
-            marker=take.markers[marker],
-            frames=(start, stop),
-            advice="it is filled; look for what damaged the file",
-        )
-        for marker, start, stop in column_runs(far)
-    ]
-    return far, tuple(findings)
+    of_take = [Finding(rule="units", level="error", message=f"the take {text}", advice=advice) for text in told]
+
+    def message(marker: int, start: int, stop: int) -> str:
+        return f"more than 100 km from the other markers {lasting(start, stop)}"
+
+    return far, (*of_take, *findings("units", evidence.take, far, message, "look for what damaged the file"))
 
 
 def _size(take: Take) -> float | None:
