@@ -1,6 +1,7 @@
 """Shared fixtures: the real captures, when they are at hand, and a seeded random generator."""
 
 import os
+import shutil
 from pathlib import Path
 
 # One BLAS thread for each worker, as in the command; it must be said before NumPy is loaded.
@@ -10,6 +11,7 @@ for library in ("OPENBLAS", "MKL", "OMP"):
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
+SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 
 
@@ -30,3 +32,10 @@ def captures() -> Path:
 def rng() -> np.random.Generator:
     """A generator that gives the same numbers in every run."""
     return np.random.default_rng(20181)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A copy of the samples that a test may write beside."""
+    shutil.copytree(SAMPLES, tmp_path / "takes")
+    return tmp_path / "takes"

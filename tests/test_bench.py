@@ -3,22 +3,22 @@
 import csv
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 from mocapclean.bench import compare, hu2017, imamura2018, jobs, markers, plots, tan2015, wang2016
 from mocapclean.bench.jobs import CMU_UNIT, Capture, Choice, Entry, Loss
 from mocapclean.bench.protocols import EXPERIMENTS
 from mocapclean.bench.published import published, statements
 from mocapclean.bench.results import Curve, Figure, Panel, Results, Row, beside, geometric_mean, number
-from mocapclean.cli import cli
 from mocapclean.errors import SolverError, UsageError
 from mocapclean.formats import c3d
 from mocapclean.records import Solution
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
+from tests import commands
 
 LINEAR = Entry(method="linear")
 
@@ -37,12 +37,7 @@ def capture(folder):
     return Capture(path=folder / "7_01.c3d")
 
 
-def run(*arguments):
-    """Run ``bench`` in this process: (exit code, standard output, standard error)."""
-    result = CliRunner().invoke(cli, ["bench", *map(str, arguments)])
-    if result.exception and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
+run = partial(commands.run, "bench")
 
 
 def rows_of(path):

@@ -7,21 +7,21 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from ruamel.yaml import YAML
 
 from mocapclean.checking import Check
-from mocapclean.cli import cli
 from mocapclean.config import Limits, resolve
 from mocapclean.formats import c3d
 from mocapclean.records import Breach, Verdict
 from mocapclean.report.junit import junit
 from mocapclean.simulate import hide, inject, perform
+from tests import commands
 
 RECIPES = Path(__file__).resolve().parents[1] / "docs" / "check.md"
 
@@ -42,12 +42,7 @@ def takes(tmp_path_factory):
     return folder
 
 
-def run(*arguments):
-    """Run ``check`` in this process: (exit code, standard output, standard error)."""
-    result = CliRunner().invoke(cli, ["check", *map(str, arguments)])
-    if result.exception and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
+run = partial(commands.run, "check")
 
 
 def breached(source, **limits):

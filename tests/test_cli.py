@@ -1,52 +1,20 @@
 """The commands, as a user types them: what they write, what they print, how they end."""
 
 import json
-import os
-import resource
-import shutil
-import signal
-import subprocess
-import sys
-import time
+import re
 from pathlib import Path
 
 import jsonschema
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
 import mocapclean
-from mocapclean.cli import cli
 from mocapclean.solvers import SOLVERS
+from tests.commands import files_in, launch, run
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_data"
 SCHEMA = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
-
-
-def run(*arguments):
-    """Run a command in this process: (exit code, standard output, standard error)."""
-    result = CliRunner().invoke(cli, [str(a) for a in arguments])
-    if result.exception and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
-
-
-def launch(*arguments, **options):
-    """Start the command in a process of its own."""
-    command = [sys.executable, "-m", "mocapclean", *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """A copy of the samples that a test may write beside."""
-    shutil.copytree(SAMPLES, tmp_path / "takes")
-    return tmp_path / "takes"
-
-
-def files_in(folder):
-    return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
 @pytest.mark.parametrize("name", ["walk.c3d", "walk.bvh", "walk_01.amc"])
@@ -54,7 +22,7 @@ def test_fill_writes_the_repaired_file_and_its_report_and_nothing_else(folder, n
     before = files_in(folder)
     code, out, err = run("fill", folder / name, "--method", "linear")
     assert (code, err) == (0, "")
-    assert "LEFT" in out or "filled" in out
+    assert re.search(r"filled +[1-9][0-9,]* samples by linear", out)
     after = files_in(folder)
     stem, suffix = name.rsplit(".", 1)
     assert set(after) - set(before) == {f"{stem}_filled.{suffix}", f"{stem}_filled.report.json"}
@@ -404,142 +372,6 @@ def test_simulate_makes_takes_with_truth_in_every_format(tmp_path):
             assert f"{motion}{suffix}" in names
     take = mocapclean.read(tmp_path / "demo" / "walk.c3d")
     assert 0 < (~take.trusted).mean() < 0.3
-
-
-# ---- bad input: one sentence, the right exit code, nothing lost
-
-USAGE = [
-    ("no input", (), "Missing argument"),
-    ("unknown method", ("{walk}", "--method", "magic"), "method must be"),
-    ("unknown parameter", ("{walk}", "--set", "foo=1"), "unknown key 'methods.kriging.foo'"),
-    ("output is the input", ("{walk}", "-o", "{walk}", "--overwrite"), "must not be the input"),
-    ("output exists", ("{walk}", "-o", "{truth}"), "exists already"),
-    ("another format", ("{walk}", "-o", "x.bvh"), "must have the input's format, .c3d"),
-    ("two inputs, one output", ("{walk}", "{truth}", "-o", "x.c3d"), "--output takes one input"),
-    ("one name twice", ("{walk}", "{walk}"), "two results would have this name"),
-    ("report over the input", ("{walk}", "--report", "{walk}", "--overwrite"), "must not be the input"),
-    (
-        "report over the reference",
-        ("{walk}", "--reference", "{truth}", "--report", "{truth}", "--overwrite"),
-        "must not",
-    ),
-    ("a folder", ("{folder}",), "an input folder needs --out-dir"),
-    ("unknown marker", ("{walk}", "--markers", "LELBO"), "LELB"),
-    ("everything excluded", ("{walk}", "--exclude", "*"), "must leave at least one marker"),
-    ("no error bars", ("{walk}", "--method", "spline", "--max-error", "9"), "that gives error bars: kriging"),
-    (
-        "no error bars as it is set",
-        ("{walk}", "--method", "dynammo", "--set", "em=imputed", "--set", "max_iterations=2", "--max-error", "9"),
-        "dynammo gives none as it is set",
-    ),
-    ("a sidecar of another kind", ("{walk}", "--sidecar", "x.mat"), "--sidecar must be an .npz file, or a folder"),
-    ("bad limit", ("{walk}", "--max-left", "many"), "max_left must be"),
-    ("bad rate", ("{walk}", "--rate", "-5"), "rate must be greater than 0"),
-    ("reference of another length", ("{walk}", "--reference", "{short}"), "must have the take's"),
-    ("config that is not there", ("{walk}", "--config", "none.yaml"), "cannot be read"),
-    ("skeleton of no kind", ("{walk}", "--skeleton", "{truth}"), "must be an .asf or a .bvh"),
-]
-
-
-@pytest.mark.parametrize(("what", "arguments", "message"), USAGE, ids=[row[0] for row in USAGE])
-def test_wrong_usage_exits_2_and_writes_nothing(folder, what, arguments, message):
-    run("simulate", "--out-dir", folder / "short", "--seconds", "1", "--motion", "walk")
-    names = {
-        "walk": folder / "walk.c3d",
-        "truth": folder / "walk_truth.c3d",
-        "folder": folder,
-        "short": folder / "short" / "walk.c3d",
-    }
-    before = {path: path.read_bytes() for path in folder.iterdir() if path.is_file()}
-    code, _out, err = run("fill", *(argument.format(**names) for argument in arguments))
-    assert code == 2, err
-    assert message in err
-    assert "Traceback" not in err
-    assert {path: path.read_bytes() for path in folder.iterdir() if path.is_file()} == before
-
-
-BAD_FILES = [
-    ("empty.c3d", b"", "is empty"),
-    ("text.c3d", b"marker,x,y,z\nLASI,1,2,3\n" * 50, "not C3D"),
-    ("none.c3d", None, "cannot be read: No such file"),
-    ("take.xyz", b"1", "must end in one of .c3d"),
-    ("walk.asf", (SAMPLES / "walk.asf").read_bytes(), "a skeleton, not a take"),
-    ("lonely.amc", (SAMPLES / "walk_01.amc").read_bytes(), ".asf"),
-    ("text.bvh", b"hello\n" * 10, "BVH"),
-    ("noise.bvh", bytes(range(256)) * 4, "BVH"),
-]
-
-
-@pytest.mark.parametrize(("name", "content", "message"), BAD_FILES, ids=[row[0] for row in BAD_FILES])
-def test_bad_files_exit_1_with_one_sentence(tmp_path, name, content, message):
-    path = tmp_path / name
-    if content is not None:
-        path.write_bytes(content)
-    code, _out, err = run("fill", path, "--method", "linear")
-    assert code == 1
-    assert len(err.strip().splitlines()) == 1
-    assert message in err
-    assert name in err
-    assert {p.name for p in tmp_path.iterdir()} <= {name}
-
-
-def test_a_folder_that_cannot_be_written(folder):
-    if os.geteuid() == 0:
-        pytest.skip("the superuser can write everywhere")
-    folder.chmod(0o555)
-    try:
-        code, _, err = run("fill", folder / "walk.c3d", "--method", "linear")
-    finally:
-        folder.chmod(0o755)
-    assert code == 1
-    assert "cannot be written" in err
-
-
-def test_an_output_in_a_folder_that_is_not_there(folder):
-    code, _, err = run("fill", folder / "walk.c3d", "--method", "linear", "-o", folder / "none" / "out.c3d")
-    assert code == 1
-    assert "out.c3d: cannot be written: No such file or directory" in err
-
-
-def test_an_output_folder_that_is_a_file(folder):
-    code, _, err = run("fill", folder / "walk.c3d", "--out-dir", folder / "walk.bvh")
-    assert code == 2
-    assert "the folder cannot be made" in err
-
-
-def test_a_full_disk_leaves_nothing_behind(folder):
-    before = files_in(folder)
-    limit = len(before["walk.c3d"]) // 2
-    process = launch(
-        "fill",
-        folder / "walk.c3d",
-        "--method",
-        "linear",
-        preexec_fn=lambda: (
-            signal.signal(signal.SIGXFSZ, signal.SIG_IGN),
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit)),
-        ),
-    )
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert "cannot be written: File too large" in err
-    assert "Traceback" not in err
-    assert files_in(folder) == before
-
-
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
-def test_stopped_in_the_middle_leaves_no_half_file(folder, number, code):
-    before = files_in(folder)
-    process = launch(
-        "fill", folder / "walk.c3d", "--method", "trnn2", "--set", "tolerance=1e-9", "--set", "max_iterations=100000"
-    )
-    time.sleep(4)
-    assert process.poll() is None, process.communicate()
-    process.send_signal(number)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == code
-    assert "Traceback" not in err
-    assert files_in(folder) == before
 
 
 def test_the_installed_command_says_its_version():

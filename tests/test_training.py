@@ -7,16 +7,15 @@ import zipfile
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 from dictionaries import SMALL, learn, twelve_parts
 
 import mocapclean
-from mocapclean.cli import cli
 from mocapclean.dictionary import load
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import c3d
 from mocapclean.records import Take
 from mocapclean.training import n_steps, train
+from tests.commands import run
 
 RATE = 60.0
 
@@ -135,13 +134,6 @@ def test_what_is_no_dictionary_is_told(tmp_path):
         path.write_bytes(content)
         with pytest.raises(FormatError):
             load(path)
-
-
-def run(*arguments):
-    result = CliRunner().invoke(cli, [str(a) for a in arguments])
-    if result.exception and not isinstance(result.exception, SystemExit):
-        raise result.exception
-    return result.exit_code, result.stdout, result.stderr
 
 
 @pytest.fixture
