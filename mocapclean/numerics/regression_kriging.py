@@ -12,6 +12,7 @@ doi:10.1080/00401706.1970.10488634 (ridge).
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,9 @@ RIDGES = np.logspace(-6, 0, 6)
 KERNELS = ((5.0, 1e-2), (10.0, 1e-2), (20.0, 1e-2), (40.0, 1e-2), (80.0, 1e-2), (20.0, 1e-1), (60.0, 1e-1))
 """Lengths ℓ in frames at 120 Hz, and noise as a share of the process's variance."""
 N_FOLDS = 3
+N_KEPT = 64
 SHARPNESS = 48.0
+FARTHEST = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,20 +86,34 @@ class Kriged:
     window_shape: Floats
 
 
+class Operators:
+    """``matern.bridge`` by all kernels at one frame rate, Hz; the last patterns of times that were met are kept."""
+
+    def __init__(self, rate: float) -> None:
+        lengths, noises = np.transpose(KERNELS)
+        self.kernels = lengths * rate / 120.0, noises
+        self.kept = lru_cache(maxsize=N_KEPT)(self._solve)
+
+    def bridge(self, known: Ints, wanted: Ints) -> tuple[Floats, Floats]:
+        """The weights (kernels, n, k) of times known (k,) at times wanted (n,), and the variances (kernels, n)."""
+        return self.kept((known - wanted[0]).tobytes(), (wanted - wanted[0]).tobytes())
+
+    def _solve(self, known: bytes, wanted: bytes) -> tuple[Floats, Floats]:
+        return bridge(np.frombuffer(known, dtype=np.intp), np.frombuffer(wanted, dtype=np.intp), *self.kernels)
+
+
 class Bridges:
     """The bridging operators of one layout, shared by all predictions from it."""
 
-    def __init__(self, layout: Layout, rate: float) -> None:
-        lengths, noises = np.transpose(KERNELS)
-        kernels = lengths * rate / 120.0, noises
-        self.gap = bridge(layout.sides, layout.gap, *kernels)
+    def __init__(self, layout: Layout, operators: Operators) -> None:
+        self.gap = operators.bridge(layout.sides, layout.gap)
         self.groups: list[tuple[Ints, Ints, Floats]] = []
         patterns, kind = np.unique(layout.beside_known, axis=0, return_inverse=True)
         for k, pattern in enumerate(patterns):
             use = np.flatnonzero(pattern)
-            operators, _ = bridge(layout.beside[use], layout.inside, *kernels)
-            self.groups.append((np.flatnonzero(kind.ravel() == k), use, operators))
-        self.window_shapes = bridge(layout.beside, layout.inside, *kernels)[1]
+            weights, _ = operators.bridge(layout.beside[use], layout.inside)
+            self.groups.append((np.flatnonzero(kind.ravel() == k), use, weights))
+        self.window_shapes = operators.bridge(layout.beside, layout.inside)[1]
 
 
 def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hidden: Bools, floor: float) -> Kriged:
@@ -108,12 +125,12 @@ def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hi
     level, middle = target[learnt].mean(axis=0), features[learnt].mean(axis=0)
     features = features - middle
     target = target - level
-    weights = _ridge_weights(features[learnt], target[learnt], hidden)
+    ridge = _Ridge(features[learnt], target[learnt])
     n_inside, n_windows = len(layout.inside), len(layout.windows)
     if n_windows:
         shape = n_windows, n_inside + len(layout.beside)
         residuals = _residuals(
-            features[windows].reshape(*shape, -1), target[windows].reshape(*shape, 3), weights, layout
+            features[windows].reshape(*shape, -1), target[windows].reshape(*shape, 3), ridge, hidden, layout
         )
         errors = _bridged(residuals, n_inside, bridges)
         shares = _shares(errors, floor)
@@ -121,43 +138,50 @@ def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hi
     else:
         shares = np.full((len(KERNELS), len(RIDGES)), 1.0 / (len(KERNELS) * len(RIDGES)))
         misses = np.zeros((0, n_inside, 3))
-    values = np.tile(level, (len(layout.gap), 1))
-    for share, operator in zip(shares, bridges.gap[0], strict=True):
-        if share.any():
-            weight = np.tensordot(share, weights[-1], axes=1)
-            values += features[gap] @ weight + operator @ (share.sum() * target[sides] - features[sides] @ weight)
-    kernel_shares = shares.sum(axis=1)
+    used, kernel_shares = shares.any(axis=0), shares.sum(axis=1)
+    weight = np.tensordot(shares[:, used], ridge.weights(RIDGES[used]), axes=1)
+    beside = kernel_shares[:, None, None] * target[sides] - features[sides] @ weight
+    offsets = features[gap] @ weight.sum(axis=0) + np.matmul(bridges.gap[0], beside).sum(axis=0)
     return Kriged(
-        values=values,
+        values=level + _within(offsets, np.concatenate([target[learnt], target[sides]])),
         misses=misses,
         shape=kernel_shares @ bridges.gap[1],
         window_shape=kernel_shares @ bridges.window_shapes,
     )
 
 
-def _ridge_weights(features: Floats, target: Floats, hidden: Bools) -> Floats:
-    """W (folds + 1, λ, p, 3): without what each fold hides, and with everything."""
-    gram, cross = features.T @ features, features.T @ target
-    grams = np.stack([gram - features[h].T @ features[h] for h in hidden] + [gram])
-    crosses = np.stack([cross - features[h].T @ target[h] for h in hidden] + [cross])
-    n_features = len(gram)
-    scale = 3.0 * np.trace(gram) / n_features or 1.0
-    found = np.empty((len(grams), len(RIDGES), n_features, 3))
-    for fold, k in np.ndindex(found.shape[:2]):
-        found[fold, k] = dposv(grams[fold] + scale * RIDGES[k] * np.eye(n_features), crosses[fold])[1]
-    return found
+def _within(offsets: Floats, seen: Floats) -> Floats:
+    """Offsets (L, 3), those longer than ``FARTHEST`` times the longest that was seen (n, 3) shortened to it."""
+    length, longest = np.linalg.norm(offsets, axis=1, keepdims=True), np.linalg.norm(seen, axis=1).max()
+    return np.asarray(offsets * np.minimum(1.0, FARTHEST * longest / np.maximum(length, 1e-300)))
 
 
-def _residuals(features: Floats, target: Floats, weights: Floats, layout: Layout) -> Floats:
+class _Ridge:
+    """Ridge regressions of target (n, 3) on features (n, p), both centred; penalties are in units of their variance."""
+
+    def __init__(self, features: Floats, target: Floats) -> None:
+        self.features, self.target = features, target
+        self.gram, self.cross = features.T @ features, features.T @ target
+        self.scale = 3.0 * np.trace(self.gram) / len(self.gram) or 1.0
+
+    def weights(self, penalties: Floats, hidden: Bools | None = None) -> Floats:
+        """W (λ, p, 3) for penalties (λ,), without the frames hidden (n,)."""
+        gram, cross = self.gram, self.cross
+        if hidden is not None:
+            features = self.features[hidden]
+            gram, cross = gram - features.T @ features, cross - features.T @ self.target[hidden]
+        systems = gram + (self.scale * penalties)[:, None, None] * np.eye(len(gram))
+        return np.stack([dposv(system.T, cross, overwrite_a=True)[1] for system in systems])
+
+
+def _residuals(features: Floats, target: Floats, ridge: _Ridge, hidden: Bools, layout: Layout) -> Floats:
     """(λ, w, m + s, 3): the windows' target less the regression that did not see them."""
-    found = np.empty((weights.shape[1], *target.shape))
-    for fold in range(N_FOLDS):
+    found = np.empty((len(RIDGES), *target.shape))
+    for fold in range(min(N_FOLDS, len(layout.windows))):
         mine = layout.folds == fold
-        if mine.any():
-            seen = features[mine]
-            flat = weights[fold].swapaxes(0, 1).reshape(seen.shape[-1], -1)
-            guess = (seen.reshape(-1, seen.shape[-1]) @ flat).reshape(*seen.shape[:-1], len(weights[fold]), 3)
-            found[:, mine] = target[mine] - np.moveaxis(guess, 2, 0)
+        seen, weights = features[mine], ridge.weights(RIDGES, hidden[fold])
+        guess = seen.reshape(-1, seen.shape[-1]) @ weights.swapaxes(0, 1).reshape(seen.shape[-1], -1)
+        found[:, mine] = target[mine] - np.moveaxis(guess.reshape(*seen.shape[:-1], len(RIDGES), 3), 2, 0)
     return found
 
 

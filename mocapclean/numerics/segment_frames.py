@@ -14,25 +14,36 @@ _MOVED = 1e-9  # of λ, which is between 1 and √3; the step after this one wou
 _FLAT = 1e-5  # (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁)
 
 
-def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> BodyFrames:
-    """The frames (n) that lay points (n, q, 3) on their mean shape, weighted (q,), by least squares.
+def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> list[BodyFrames]:
+    """For each row of weights (v, q) the frames (n) that lay points (n, q, 3) on their mean shape, by least squares.
 
     The mean shape is that of up to 100 of the first ``n_learnt`` frames, laid on each other (J. C. Gower, 1975,
     doi:10.1007/BF02291478); all frames are then laid on it (W. Kabsch, 1976, doi:10.1107/S0567739476001873).
     """
-    share = weights / weights.sum()
-    origins = np.einsum("nqc,q->nc", points, share)
-    offsets = points - origins[:, None]
+    shares = weights / weights.sum(axis=1, keepdims=True)
+    middle = points.mean(axis=1, keepdims=True)
+    offsets = points - middle
     sample = offsets[np.unique(np.linspace(0, n_learnt - 1, min(n_learnt, _SAMPLE)).astype(int))]
-    shape = sample[len(sample) // 2]
+    beside = sample.transpose(1, 0, 2).reshape(points.shape[1], -1)
+    shapes = _centred(np.repeat(sample[None, len(sample) // 2], len(shares), axis=0), shares)
     for _ in range(_ROUNDS):
-        shape = np.matmul(sample, rotations(_moments(sample, shape, share))).mean(axis=0)
-    return BodyFrames(rotations(_moments(offsets, shape, share)).swapaxes(1, 2), origins)
+        turns = _laid(sample, shapes, shares)
+        shapes = _centred(np.matmul(beside, turns.reshape(len(shares), 3 * len(sample), 3)) / len(sample), shares)
+    origins = (middle + np.matmul(shares, offsets)).swapaxes(0, 1)
+    return [BodyFrames(*each) for each in zip(_laid(offsets, shapes, shares).swapaxes(2, 3), origins, strict=True)]
 
 
-def _moments(offsets: Floats, shape: Floats, share: Floats) -> Floats:
-    moments: Floats = np.matmul(offsets.swapaxes(1, 2), shape * share[:, None])
-    return moments
+def _centred(shapes: Floats, shares: Floats) -> Floats:
+    """Shapes (v, q, 3) about their middles weighted by shares (v, q)."""
+    return np.asarray(shapes - np.einsum("vq,vqc->vc", shares, shapes)[:, None])
+
+
+def _laid(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
+    """The rotations (v, n, 3, 3) that lay shapes (v, q, 3), centred, on offsets (n, q, 3)."""
+    n, n_points, _ = offsets.shape
+    weighted = (shapes * shares[..., None]).swapaxes(0, 1).reshape(n_points, -1)
+    moments = (offsets.swapaxes(1, 2).reshape(-1, n_points) @ weighted).reshape(n, 3, len(shapes), 3)
+    return rotations(moments.transpose(2, 0, 1, 3).reshape(-1, 3, 3)).reshape(len(shapes), n, 3, 3)
 
 
 def rotations(moments: Floats) -> Floats:

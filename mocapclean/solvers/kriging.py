@@ -5,11 +5,11 @@ are seen all through the gap, and a_t their places in the same frame:
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn 5/2 process that meets the samples beside the gap
 
-Several such views (few or many neighbours, stiff or loose frames, one that does not turn, one on the circle that two
-known distances leave) are combined with weights w ≥ 0, Σ w = 1, that minimise the mean square error on windows:
-stretches as long as the gap where k is known, hidden from each view and bridged as the gap is. The same errors give the
-standard deviation of every filled sample: their size, spread over the gap as the variance of g is, and larger where the
-views disagree more than they do in windows.
+Several such views (few or many neighbours, stiff or loose frames, one that does not turn, one that bends with the pose,
+those on the circle that two known distances leave) are combined with weights w ≥ 0, Σ w = 1, that minimise the mean
+square error on windows: stretches as long as the gap where k is known, hidden from each view and bridged as the gap is.
+The same errors give the standard deviation of every filled sample: their size, spread over the gap as the variance of g
+is, and larger where the views disagree more than they do in windows.
 
 A neighbour's rigidity is 1 / (SD of its distance to k)². Gaps of up to a twenty-fourth of a second are bridged over
 time alone (``numerics/short_gaps.py``) and then serve as evidence. A gap whose neighbours come and go is filled in
@@ -20,7 +20,7 @@ Our own; parts after N. Cressie, 1993, doi:10.1002/9781119115151 (regression kri
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
 
 Cost per gap of L frames with q neighbours: O(n q²) for n about 600 + L frames to learn and test from, and
-O(q³) for 24 ridge systems in each of seven views. Nothing grows with the take but the search for windows.
+O(q³) for 24 ridge systems in each of eight views. Nothing grows with the take but the search for windows.
 """
 
 from dataclasses import dataclass as plain_dataclass
@@ -40,7 +40,17 @@ from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.bone_projection import project
 from mocapclean.numerics.evidence import fillable
 from mocapclean.numerics.hinge_frames import hinge_frames
-from mocapclean.numerics.regression_kriging import Bridges, Kriged, Layout, krige, spread_out, steps, window_offsets
+from mocapclean.numerics.radial_basis import nearness
+from mocapclean.numerics.regression_kriging import (
+    Bridges,
+    Kriged,
+    Layout,
+    Operators,
+    krige,
+    spread_out,
+    steps,
+    window_offsets,
+)
 from mocapclean.numerics.segment_frames import segment_frames
 from mocapclean.numerics.short_gaps import bridge_short
 from mocapclean.numerics.stacking import stacking_weights
@@ -82,13 +92,15 @@ class View:
     """How a gap is looked at: the frame is laid on ``n_framing`` markers (0: it only shifts), a holds ``n_features``.
 
     looseness: times ``rigidity``, the SD of a distance below which neighbours frame alike. hinged: the frame is that of
-    a joint between two others that are at known distances from it and not from each other.
+    a joint between two others that are at known distances from it and not from each other. n_poses: a also holds how
+    near each of so many poses is.
     """
 
     n_framing: int
     n_features: int
     looseness: float = 1.0
     hinged: bool = False
+    n_poses: int = 0
 
 
 VIEWS = (
@@ -97,6 +109,7 @@ VIEWS = (
     View(24, 24, 5.0),
     View(4, 24),
     View(0, 24),
+    View(6, 6, n_poses=20),
     View(6, 12, hinged=True),
     View(12, 24, hinged=True),
 )
@@ -154,17 +167,18 @@ Gap = tuple[int, int, int]
 class Scene:
     """A take while it is being filled.
 
-    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; learnable (F, M):
-    what may be learnt from. sd (F, M): NaN where nothing is filled.
+    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; lacking (F, M):
+    1 where there is nothing to learn from, else 0. sd (F, M): NaN where nothing is filled.
     """
 
     def __init__(self, take: Take, params: Params) -> None:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
+        self.operators = Operators(take.rate)
         guess = interpolation.linear(take.positions, take.trusted)
         longest = max(1, round(SHORT * take.rate))
         self.positions, self.sd = bridge_short(guess, take.trusted, longest, take.rate)
         self.known = take.trusted | np.isfinite(self.sd)
-        self.learnable = self.known
+        self.lacking = np.asarray(~self.known, dtype=float)
         self.mean, self.variance = distances(self.positions, take.trusted)
         self.ends, self.lengths, self.spreads = stiff_bones(take, params.bone_spread)
 
@@ -182,7 +196,7 @@ class Scene:
             if len(parts) > 1:
                 pieced.append((marker, start, stop))
         self.positions, self.sd = self.held(positions, sd), sd
-        self.learnable = self.known | np.isfinite(sd)
+        self.lacking = np.asarray(~(self.known | np.isfinite(sd)), dtype=float)
         return poor, pieced
 
     def moved(self, gap: Gap, before: Floats) -> bool:
@@ -246,6 +260,7 @@ class Piece:
         own = np.square(sd[start:stop]).mean()
         self.surer = ~self.seen & (np.square(sd) <= SURER * own)
         self.surer[start:stop] = False
+        self.pair = self.hinge()
         self.poor = False
 
     def fill(self) -> tuple[Floats, Floats]:
@@ -254,22 +269,25 @@ class Piece:
         if not len(self.evidence) or np.count_nonzero(self.seen) < FEWEST:
             return np.full((n, 3), np.nan), np.full(n, np.nan)
         layout = self.layout()
-        bridges = Bridges(layout, self.scene.rate)
+        bridges = Bridges(layout, self.scene.operators)
         hidden = layout.hidden(MARGIN)
         frames = layout.frames
         points = self.scene.positions[frames][:, self.evidence]
         target = self.scene.positions[frames, self.marker]
-        looks = [self.look(view, layout, bridges, hidden, points, target) for view in self.views()]
+        views = self.views()
+        laid = zip(views, self.frames(views, points, len(layout.learnt)), strict=True)
+        looks = [self.look(*look, layout, bridges, hidden, points, target) for look in laid]
         return combine([look for look in looks if look], layout, self.scene.params)
 
     def views(self) -> list[View]:
         """The views that the evidence allows, each kind once."""
         n = len(self.evidence)
         usable = [replace(v, n_framing=min(v.n_framing, n), n_features=min(v.n_features, n)) for v in VIEWS]
-        return list(dict.fromkeys(view for view in usable if view.n_framing == 0 or n >= 3))
+        usable = [view for view in usable if (view.n_framing == 0 or n >= 3) and (self.pair or not view.hinged)]
+        return list(dict.fromkeys(usable))
 
-    def hinge(self) -> list[int] | None:
-        """Which two of the evidence the marker turns between: rigid with both, these not with each other."""
+    def hinge(self) -> list[int]:
+        """Which two of the evidence the marker turns between: rigid with both, these not with each other; or none."""
         scene = self.scene
         own = np.sqrt(scene.variance[self.marker, self.evidence])
         near = np.flatnonzero(own < scene.params.rigidity)[:N_HINGED]
@@ -278,19 +296,25 @@ class Piece:
         worth = bending / (1.0 + own[near] + own[near][:, None])
         worth[bending <= BENDING * scene.params.rigidity] = 0.0
         if not worth.any():
-            return None
+            return []
         return sorted(int(near[k]) for k in np.unravel_index(worth.argmax(), worth.shape))
 
     def look(
-        self, view: View, layout: Layout, bridges: Bridges, hidden: Bools, points: Floats, target: Floats
+        self,
+        view: View,
+        frames: BodyFrames,
+        layout: Layout,
+        bridges: Bridges,
+        hidden: Bools,
+        points: Floats,
+        target: Floats,
     ) -> Kriged | None:
         """One view's answer, in the coordinates of the world; None where it is not to be had."""
         learnt, windows, _, gap = layout.parts
-        frames, radii = self.frames(view, points, len(layout.learnt)), None
+        radii = None
         if view.hinged:
-            pair = self.hinge()
-            lengths = self.scene.mean[self.marker, self.evidence[pair]] if pair else ()
-            hinged = hinge_frames(points[:, pair], tuple(lengths), frames, target, len(layout.learnt)) if pair else None
+            lengths = tuple(self.scene.mean[self.marker, self.evidence[self.pair]])
+            hinged = hinge_frames(points[:, self.pair], lengths, frames, target, len(layout.learnt))
             if not hinged:
                 return None
             frames, radii = hinged
@@ -299,6 +323,8 @@ class Piece:
         if radii is not None:
             share = (radii / radii[learnt].mean())[:, None]
             features = np.hstack([(features - features[learnt].mean(axis=0)) * share, RADIUS * share])
+        if view.n_poses:
+            features = np.hstack([features, nearness(features, len(layout.learnt), view.n_poses)])
         own = frames.to_local(target[:, None])[:, 0]
         answer = krige(features, own, layout, bridges, hidden, self.scene.params.noise**2)
         turned = frames.axes[windows].reshape(*layout.windows.shape, 3, 3)[:, : len(layout.inside)]
@@ -309,13 +335,15 @@ class Piece:
             window_shape=answer.window_shape,
         )
 
-    def frames(self, view: View, points: Floats, n_learnt: int) -> BodyFrames:
-        """The frames that travel with the framing markers, or only with the middle of all."""
-        if not view.n_framing:
-            origins = points[:, : view.n_features].mean(axis=1)
-            return BodyFrames(np.broadcast_to(np.eye(3), (len(points), 3, 3)), origins)
-        weights = self.scene.rigidity(self.marker, view.looseness)[self.evidence[: view.n_framing]]
-        return segment_frames(points[:, : view.n_framing], weights, n_learnt)
+    def frames(self, views: list[View], points: Floats, n_learnt: int) -> list[BodyFrames]:
+        """The frames of each view: they travel with its framing markers, or only with the middle of all."""
+        laid = list(dict.fromkeys((view.n_framing, view.looseness) for view in views if view.n_framing))
+        weights = np.zeros((len(laid), len(self.evidence)))
+        for row, (n, looseness) in zip(weights, laid, strict=True):
+            row[:n] = self.scene.rigidity(self.marker, looseness)[self.evidence[:n]]
+        turning = dict(zip(laid, segment_frames(points, weights, n_learnt), strict=True))
+        shifting = BodyFrames(np.broadcast_to(np.eye(3), (len(points), 3, 3)), points.mean(axis=1))
+        return [turning.get((view.n_framing, view.looseness), shifting) for view in views]
 
     def scales(self, view: View) -> Floats:
         """What the places of neighbours (n_features,) are multiplied by: the less, the less they tell."""
@@ -329,8 +357,9 @@ class Piece:
     def layout(self) -> Layout:
         """What is learnt from and tried on, where possible from frames in which all evidence is known."""
         scene, n_frames = self.scene, len(self.seen)
-        weights = scene.rigidity(self.marker)[self.evidence]
-        lacking = ~scene.learnable[:, self.evidence] @ (weights / weights.sum())
+        weights = np.zeros(len(scene.mean))
+        weights[self.evidence] = scene.rigidity(self.marker)[self.evidence]
+        lacking = scene.lacking @ (weights / weights.sum())
         reach = max(1, round(SIDE * scene.rate))
         usable = self.seen | self.surer
         ahead = np.flatnonzero(usable[max(0, self.start - reach) : self.start][::-1])
@@ -371,10 +400,10 @@ class Piece:
         while self.scene.params.windows and length >= 1:
             first = np.arange(edge * before, len(self.seen) - length - edge * after + 1)
             whole = unseen[first + length + edge * after] == unseen[first - edge * before]
-            first = first[whole]
-            mean = (lack[first + length] - lack[first]) / length
-            least = np.sort(mean)[: 2 * length][-1:]
-            found = first[mean <= max(MOST_LACKING, *least)] if len(first) else first
+            found = first[whole]
+            if len(found):
+                mean, rank = (lack[found + length] - lack[found]) / length, min(2 * length, len(found)) - 1
+                found = found[mean <= max(MOST_LACKING, np.partition(mean, rank)[rank])]
             found = spread_out(found, self.scene.params.windows, max(int(APART * length), 5))
             if len(found) >= 3:
                 break

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mocapclean.numerics.regression_kriging import Bridges, Layout, krige, spread_out, window_offsets
+from mocapclean.numerics.regression_kriging import Bridges, Layout, Operators, krige, spread_out, window_offsets
 
 RATE = 120.0
 
@@ -25,7 +25,7 @@ def layout(n_frames: int = 600, start: int = 300, length: int = 30, *, after: bo
 def answer(features: np.ndarray, target: np.ndarray, plan: Layout):
     hidden = target[plan.frames].copy()
     hidden[plan.parts[3]] = np.nan
-    return krige(features[plan.frames], hidden, plan, Bridges(plan, RATE), plan.hidden(3), 1e-4)
+    return krige(features[plan.frames], hidden, plan, Bridges(plan, Operators(RATE)), plan.hidden(3), 1e-4)
 
 
 def test_what_neighbours_tell_is_told(rng):

@@ -39,7 +39,7 @@ def test_a_rigid_segment_stands_still_in_its_own_frames(rng, n_points):
     shape = rng.normal(size=(n_points, 3)) * 100
     turns = Rotation.random(40, random_state=3).as_matrix()
     points = np.einsum("nij,qj->nqi", turns, shape) + 1000 * rng.normal(size=(40, 1, 3))
-    frames = segment_frames(points, np.ones(n_points), 40)
+    (frames,) = segment_frames(points, np.ones((1, n_points)), 40)
     local = frames.to_local(points)
     assert np.abs(local - local.mean(axis=0)).max() < 1e-6
     assert np.allclose(frames.to_world(local), points)

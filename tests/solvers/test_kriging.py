@@ -151,12 +151,19 @@ def test_gaps_that_nobody_asks_for_are_left_and_the_others_do_not_change():
 
 
 def test_gaps_that_nobody_asks_for_are_filled_where_others_learn_from_them(rng):
-    truth = body(240)
-    missing = block_loss(240, 15, 40, 8, rng)
+    truth = body(480)
+    missing = block_loss(480, 15, 40, 6, rng)
     asked = missing & (np.arange(15) == 3)
     whole, part = solve(take_of(truth, missing), Params()), solve(take_of(truth, missing), Params(), wanted=asked)
     assert part.filled.sum() > asked.sum()
     assert rms((part.positions - truth)[asked]) < 1.5 * rms((whole.positions - truth)[asked]) + 0.1
+
+
+def test_no_fill_is_farther_from_its_segment_than_twice_what_was_ever_seen():
+    truth = body(240)
+    missing = block_loss(240, 15, 40, 8, np.random.default_rng(3))
+    solution = solve(take_of(truth, missing), Params())
+    assert np.abs(solution.positions - truth)[solution.filled].max() < 2000.0
 
 
 def test_a_knee_between_hip_and_ankle_is_found_on_its_circle(rng):
