@@ -150,6 +150,14 @@ def krige(features: Floats, target: Floats, layout: Layout, bridges: Bridges, hi
     )
 
 
+def ridge(features: Floats, target: Floats, n_learnt: int, penalty: float) -> Floats:
+    """What a ridge regression of target (N, 3) on features (N, p) says (N, 3), learnt from the first ``n_learnt``."""
+    middle, level = features[:n_learnt].mean(axis=0), target[:n_learnt].mean(axis=0)
+    offsets = features - middle
+    (weights,) = _Ridge(offsets[:n_learnt], target[:n_learnt] - level).weights(np.array([penalty]))
+    return np.asarray(offsets @ weights + level)
+
+
 def _within(offsets: Floats, seen: Floats) -> Floats:
     """Offsets (L, 3), those longer than ``FARTHEST`` times the longest that was seen (n, 3) shortened to it."""
     length, longest = np.linalg.norm(offsets, axis=1, keepdims=True), np.linalg.norm(seen, axis=1).max()

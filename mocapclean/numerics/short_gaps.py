@@ -1,17 +1,23 @@
-"""Short gaps bridged over time alone: universal kriging with a linear drift, from the nearest known samples.
+"""Short gaps bridged over time: universal kriging with a linear drift, from the nearest known samples.
 
 The conditional mean of a process about an unknown straight line, given up to 12 samples on each side. The process is a
-Matérn one of smoothness 5/2, or one of smoothness 1/2 and great length, whose mean is a polygon. Which, is decided by
-what each misses of hidden samples of the marker, and of the samples next to the gap, each told from the others: where a
+Matérn one of smoothness 5/2, or one of smoothness 1/2 and great length, whose mean is a polygon; it is the marker's way
+in the world, or in frames that travel with it as its neighbours expect. How much each of these counts is decided by
+what it misses of hidden samples of the marker, and of the samples next to the gap, each told from the others: where a
 track jumps or rattles, a smooth curve through it swings out. N. Cressie, 1993, doi:10.1002/9781119115151, section 3.4;
 O. Dubrule, 1983, doi:10.1007/BF01033232 (leaving one out).
 """
 
+from collections.abc import Callable
+from itertools import chain
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.matern import matern
-from mocapclean.runs import runs
+from mocapclean.runs import column_runs, runs
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -24,69 +30,139 @@ KERNELS = tuple((length, noise) for length in (8.0, 20.0, 50.0) for noise in (1e
 """Lengths ℓ in frames at 120 Hz, and noise as a share of the process's variance; the polygon comes last."""
 N_KERNELS = len(KERNELS) + 1
 POLYGON = 300.0
-N_BESIDE, PRIOR = 2, 4.0
+N_BESIDE, PRIOR, SHARPNESS = 2, 4.0, 3
+EVEN = 1e-12  # square mm
 MEDIAN = 0.789  # of the mean of three squared normal deviates
 
+Travelling = Callable[[int, Ints], BodyFrames | None]
+"""For a marker and some frames: frames of reference that go where others say that it goes, if they say anything."""
 
-def bridge_short(positions: Floats, trusted: Bools, longest: int, rate: float) -> tuple[Floats, Floats]:
-    """Positions (F, M, 3) with gaps of up to ``longest`` frames filled, and their SD (F, M), NaN where nothing was.
 
-    A marker needs 12 trusted samples. The SD is the root mean square error per coordinate of the same operation on
+def short(trusted: Bools, longest: int) -> Bools:
+    """The samples (F, M) in gaps of up to ``longest`` frames, of markers with 12 trusted samples at least."""
+    found = np.zeros_like(trusted)
+    for marker, start, stop in column_runs(~trusted & (trusted.sum(axis=0) >= 3 * FEWEST)):
+        found[start:stop, marker] = stop - start <= longest
+    return found
+
+
+def bridge_short(
+    positions: Floats, trusted: Bools, known: Bools, rate: float, travelling: Travelling | None = None
+) -> tuple[Floats, Floats]:
+    """Positions (F, M, 3) with what is known (F, M) and not trusted filled, and their SD (F, M), else NaN.
+
+    The SD is the root mean square error per coordinate of the same operation on
     known samples, spread over the gap as the kriging variance is.
     """
     filled, sd = positions.copy(), np.full(trusted.shape, np.nan)
     bridges = Bridges(rate / 120.0)
-    for marker in np.flatnonzero(~trusted.all(axis=0) & (trusted.sum(axis=0) >= 3 * FEWEST)):
-        known, spans = np.flatnonzero(trusted[:, marker]), runs(~trusted[:, marker])
-        track, tuned = positions[:, marker], {}
-        for start, stop in spans[spans[:, 1] - spans[:, 0] <= longest]:
-            length = int(stop - start)
-            if length not in tuned:
-                tuned[length] = _trials(track, known, length, bridges)
-            place = int(np.searchsorted(known, start))
-            near = known[max(0, place - REACH) : place + REACH]
-            weights, variance, leave_out = bridges.of(near - start, length)
-            kernel, error = _choose(tuned[length], track[near], leave_out, int(np.searchsorted(near, start)))
-            filled[start:stop, marker] = weights[kernel] @ track[near]
-            sd[start:stop, marker] = error * np.sqrt(variance[kernel])
+    missing = known & ~trusted
+    for marker in np.flatnonzero(missing.any(axis=0)).tolist():
+        seen = np.flatnonzero(trusted[:, marker])
+        gaps = [_place(seen, start, stop - start) for start, stop in runs(missing[:, marker]).tolist()]
+        trials = {length: _trials(seen, length) for length in {gap.length for gap in gaps}}
+        frames = np.unique(np.concatenate([place.frames for place in chain(gaps, *trials.values())]))
+        paths = _Paths(positions[:, marker], frames, travelling(marker, frames) if travelling else None)
+        tuned = {length: _tune(paths, places, bridges) for length, places in trials.items()}
+        for gap in gaps:
+            span = slice(gap.start, gap.start + gap.length)
+            filled[span, marker], sd[span, marker] = _fill(paths, gap, tuned[gap.length], bridges)
     return filled, sd
 
 
-def _trials(track: Floats, known: Ints, length: int, bridges: "Bridges") -> tuple[Floats, Floats]:
-    """For each kernel the usual square miss of hidden samples of a track (F, 3), and the same by kriging variance.
+class _Place(NamedTuple):
+    """A gap or a trial: its first frame and length, known samples near (k,) it, ``before`` of them ahead, and in it."""
 
-    Not a number where there are too few samples to hide any.
-    """
+    start: int
+    length: int
+    near: Ints
+    before: int
+    hidden: Ints
+
+    @property
+    def inside(self) -> Ints:
+        return np.arange(self.start, self.start + self.length)
+
+    @property
+    def frames(self) -> Ints:
+        return np.append(self.near, self.inside)
+
+
+def _place(known: Ints, start: int, length: int) -> _Place:
+    ahead, behind = np.searchsorted(known, (start, start + length)).tolist()
+    before = known[max(0, ahead - REACH) : ahead]
+    near = np.append(before, known[behind : behind + REACH])
+    return _Place(start, length, near, len(before), known[ahead:behind])
+
+
+def _trials(known: Ints, length: int) -> list[_Place]:
+    """Places where known samples are hidden to see what is missed; none where there are too few to hide any."""
     last = len(known) - length - FEWEST
     if last < FEWEST:
-        return np.full(N_KERNELS, np.nan), np.full(N_KERNELS, np.nan)
+        return []
+    hidden = np.unique(np.linspace(FEWEST, last, N_TRIALS).astype(int))
+    return [_place(known, start, length) for start in known[hidden].tolist()]
+
+
+class _Paths:
+    """A marker's way (F, 3), in the world and, if there are such frames, in those that travel with it."""
+
+    def __init__(self, track: Floats, frames: Ints, moving: BodyFrames | None) -> None:
+        self.frames, self.moving, self.tracks = frames, moving, [track]
+        if moving:
+            local = np.full_like(track, np.nan)
+            local[frames] = moving.to_local(track[frames][:, None])[:, 0]
+            self.tracks.append(local)
+
+    def at(self, frames: Ints) -> Floats:
+        """(paths, n, 3)."""
+        return np.stack([track[frames] for track in self.tracks])
+
+    def to_world(self, path: int, values: Floats, frames: Ints) -> Floats:
+        """What values (n, 3) of one of the paths are in the world."""
+        if not path or not self.moving:
+            return values
+        at = np.searchsorted(self.frames, frames)
+        return BodyFrames(self.moving.axes[at], self.moving.origins[at]).to_world(values[:, None])[:, 0]
+
+
+def _tune(paths: _Paths, trials: list[_Place], bridges: "Bridges") -> tuple[Floats, Floats] | None:
+    """For each path and kernel the usual square miss of hidden samples, and the same by kriging variance."""
     squares, scaled = [], []
-    for place in np.unique(np.linspace(FEWEST, last, N_TRIALS).astype(int)):
-        start = known[place]
-        ahead = int(np.searchsorted(known, start + length))
-        near = np.append(known[max(0, place - REACH) : place], known[ahead : ahead + REACH])
-        weights, variance, _ = bridges.of(near - start, length)
-        hidden = known[place:ahead]
-        misses = np.square((weights @ track[near])[:, hidden - start] - track[hidden]).mean(axis=2)
-        squares.append(misses.mean(axis=1))
-        scaled.append((misses / variance[:, hidden - start]).mean(axis=1))
+    for trial in trials:
+        weights, variance, _ = bridges.of(trial.near - trial.start, trial.length)
+        hidden = trial.hidden - trial.start
+        told = np.matmul(weights[:, hidden], paths.at(trial.near)[:, None])
+        misses = np.square(told - paths.at(trial.hidden)[:, None]).mean(axis=3)
+        squares.append(misses.mean(axis=2))
+        scaled.append((misses / variance[:, hidden]).mean(axis=2))
+    if not trials:
+        return None
     return np.median(squares, axis=0) / MEDIAN, np.median(scaled, axis=0) / MEDIAN
 
 
-def _choose(trials: tuple[Floats, Floats], values: Floats, leave_out: Floats, place: int) -> tuple[int, float]:
-    """The kernel that missed least, and its error per root kriging variance.
+def _fill(paths: _Paths, gap: _Place, tuned: tuple[Floats, Floats] | None, bridges: "Bridges") -> tuple[Floats, Floats]:
+    """The samples (length, 3) of a gap, and their SD (length,): the mean of all paths' and kernels' answers.
 
-    values: (k, 3) the samples near the gap, which lies before the sample ``place``. The trials count as four samples.
+    Weighted by 1 / (what they missed)⁶; the trials count as four samples.
     """
-    beside = slice(max(0, place - N_BESIDE), place + N_BESIDE)
+    weights, variance, leave_out = bridges.of(gap.near - gap.start, gap.length)
+    values, beside = paths.at(gap.near), slice(max(0, gap.before - N_BESIDE), gap.before + N_BESIDE)
     own = np.einsum("gkk->gk", leave_out)[:, beside]
-    weighted = np.square(leave_out @ (values - values.mean(axis=0))).mean(axis=2)[:, beside]
-    squares, scaled = weighted / own**2, weighted / own
-    prior = PRIOR if np.isfinite(trials[0]).all() else 0.0
-    total = squares.sum(axis=1) + prior * np.nan_to_num(trials[0])
-    best = int(total.argmin())
-    error = (scaled[best].sum() + prior * np.nan_to_num(trials[1])[best]) / (scaled.shape[1] + prior)
-    return best, float(np.sqrt(error))
+    left = np.matmul(leave_out, (values - values.mean(axis=1, keepdims=True))[:, None])
+    weighted = np.square(left).mean(axis=3)[:, :, beside]
+    squares, scaled = (weighted / own**2).sum(axis=2), (weighted / own).sum(axis=2)
+    counted = float(weighted.shape[2])
+    if tuned:
+        squares, scaled, counted = squares + PRIOR * tuned[0], scaled + PRIOR * tuned[1], counted + PRIOR
+    shares = ((squares.min() + EVEN) / (squares + EVEN)) ** SHARPNESS
+    shares /= shares.sum()
+    answer = np.zeros((gap.length, 3))
+    for path, (share, track) in enumerate(zip(shares, values, strict=True)):
+        if share.any():
+            told = np.tensordot(share / share.sum(), weights, axes=1) @ track
+            answer += share.sum() * paths.to_world(path, told, gap.inside)
+    return answer, np.sqrt(np.einsum("pg,gn->n", shares * scaled / counted, variance))
 
 
 class Bridges:

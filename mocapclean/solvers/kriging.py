@@ -12,7 +12,7 @@ The same errors give the standard deviation of every filled sample: their size, 
 is, and larger where the views disagree more than they do in windows.
 
 A neighbour's rigidity is 1 / (SD of its distance to k)². Gaps of up to a twenty-fourth of a second are bridged over
-time alone (``numerics/short_gaps.py``) and then serve as evidence. A gap whose neighbours come and go is filled in
+time (``numerics/short_gaps.py``) and then serve as evidence. A gap whose neighbours come and go is filled in
 pieces. Where many samples are lost at once, a second pass learns from what the first one filled. Bones of known length,
 or pairs of markers that prove rigid, pull filled samples to where the lengths hold.
 
@@ -47,12 +47,13 @@ from mocapclean.numerics.regression_kriging import (
     Layout,
     Operators,
     krige,
+    ridge,
     spread_out,
     steps,
     window_offsets,
 )
 from mocapclean.numerics.segment_frames import segment_frames
-from mocapclean.numerics.short_gaps import bridge_short
+from mocapclean.numerics.short_gaps import bridge_short, short
 from mocapclean.numerics.stacking import stacking_weights
 from mocapclean.parameters import STRICT
 from mocapclean.records import Solution, Take
@@ -123,6 +124,7 @@ FEATURE_LOOSENESS = 2.5
 REACH_RATIO = 25.0
 BENDING, N_HINGED, RADIUS = 5.0, 8, 10.0
 SETTLED = 0.3
+N_TRAVELLING, PENALTY = (6, 12), 1e-4
 FEWEST = 10
 MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
 DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
@@ -174,12 +176,12 @@ class Scene:
     def __init__(self, take: Take, params: Params) -> None:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.operators = Operators(take.rate)
-        guess = interpolation.linear(take.positions, take.trusted)
-        longest = max(1, round(SHORT * take.rate))
-        self.positions, self.sd = bridge_short(guess, take.trusted, longest, take.rate)
-        self.known = take.trusted | np.isfinite(self.sd)
-        self.lacking = np.asarray(~self.known, dtype=float)
+        self.positions = interpolation.linear(take.positions, take.trusted)
         self.mean, self.variance = distances(self.positions, take.trusted)
+        self.known = take.trusted | short(take.trusted, max(1, round(SHORT * take.rate)))
+        bridged = bridge_short(self.positions, take.trusted, self.known, take.rate, self.travelling)
+        self.positions, self.sd = bridged
+        self.lacking = np.asarray(~self.known, dtype=float)
         self.ends, self.lengths, self.spreads = stiff_bones(take, params.bone_spread)
 
     def fill(self, gaps: list[Gap]) -> tuple[bool, list[Gap]]:
@@ -222,6 +224,28 @@ class Scene:
         weights = 1.0 / (variance * reach)
         weights[marker] = 0.0
         return np.where(np.isfinite(weights), weights, 0.0)
+
+    def travelling(self, marker: int, frames: Ints) -> BodyFrames | None:
+        """The frames (n) of a segment at some frames of the take, where a regression on its markers expects another."""
+        weights = self.rigidity(marker)
+        near = np.argsort(-weights, kind="stable")[: max(N_TRAVELLING)]
+        near = near[weights[near] > 0.0]
+        seen = np.flatnonzero(self.trusted[:, marker] & self.known[:, near].all(axis=1))
+        learnt = spread_out(seen, self.params.learnt, 1)
+        if len(near) < 3 or len(learnt) < 2 * FEWEST:
+            return None
+        use = np.append(learnt, frames)
+        points, framing = self.positions[use][:, near], np.arange(len(near)) < min(N_TRAVELLING)
+        (laid,) = segment_frames(points, np.where(framing, weights[near], 0.0)[None], len(learnt))
+        features = (laid.to_local(points) * self.scales(marker, near)[:, None]).reshape(len(use), -1)
+        target = laid.to_local(self.positions[use, marker][:, None])[:, 0]
+        expected = laid.to_world(ridge(features, target, len(learnt), PENALTY)[:, None])[:, 0]
+        return BodyFrames(laid.axes[len(learnt) :], expected[len(learnt) :])
+
+    def scales(self, marker: int, others: Ints, looseness: float = 1.0) -> Floats:
+        """What the places of others (n,) in the frame of a marker are multiplied by: the less, the less they tell."""
+        loose = max(FEATURE_LOOSENESS, looseness) * self.params.rigidity
+        return np.asarray(1.0 / np.sqrt(self.variance[marker, others] + loose**2), dtype=np.float64)
 
     def pieces(self, marker: int, start: int, stop: int) -> list[tuple[int, int]]:
         """A gap in as few pieces as leave each with much of the evidence that its frames have."""
@@ -348,11 +372,10 @@ class Piece:
     def scales(self, view: View) -> Floats:
         """What the places of neighbours (n_features,) are multiplied by: the less, the less they tell."""
         scene, chosen = self.scene, self.evidence[: view.n_features]
-        if not view.n_framing:
-            found: Floats = 1.0 / (scene.mean[self.marker, chosen] + REACH_RATIO * scene.params.rigidity)
-            return found
-        loose = max(FEATURE_LOOSENESS, view.looseness) * scene.params.rigidity
-        return np.asarray(1.0 / np.sqrt(scene.variance[self.marker, chosen] + loose**2), dtype=np.float64)
+        if view.n_framing:
+            return scene.scales(self.marker, chosen, view.looseness)
+        found: Floats = 1.0 / (scene.mean[self.marker, chosen] + REACH_RATIO * scene.params.rigidity)
+        return found
 
     def layout(self) -> Layout:
         """What is learnt from and tried on, where possible from frames in which all evidence is known."""

@@ -4,7 +4,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from mocapclean.numerics.short_gaps import bridge_short
+from mocapclean.numerics.body_frames import BodyFrames
+from mocapclean.numerics.short_gaps import bridge_short, short
+
+
+def bridge(positions, trusted, travelling=None):
+    return bridge_short(positions, trusted, trusted | short(trusted, 5), 120.0, travelling)
 
 
 def wave(n_frames: int = 300) -> np.ndarray:
@@ -16,7 +21,7 @@ def test_lines_are_kept_exactly():
     track = np.arange(60.0)[:, None, None] * np.array([[[3.0, -2.0, 0.5]]])
     trusted = np.ones((60, 1), dtype=bool)
     trusted[20:24] = trusted[:3] = trusted[-2:] = False
-    filled, sd = bridge_short(np.where(trusted[..., None], track, 0.0), trusted, 5, 120.0)
+    filled, sd = bridge(np.where(trusted[..., None], track, 0.0), trusted)
     assert np.abs(filled - track).max() < 1e-6
     assert np.isfinite(sd[~trusted]).all()
 
@@ -28,7 +33,7 @@ def test_smooth_motion_is_better_than_by_a_cubic_spline(seed, length):
     trusted = np.ones(truth.shape[:2], dtype=bool)
     start = int(np.random.default_rng(seed).integers(30, 260))
     trusted[start : start + length, 0] = False
-    filled, sd = bridge_short(np.where(trusted[..., None], truth, 0.0), trusted, 5, 120.0)
+    filled, sd = bridge(np.where(trusted[..., None], truth, 0.0), trusted)
     known = np.flatnonzero(trusted[:, 0])
     spline = CubicSpline(known, truth[known, 0])(np.arange(start, start + length))
     own = np.abs(filled[start : start + length, 0] - truth[start : start + length, 0]).max()
@@ -41,7 +46,7 @@ def test_the_sd_is_that_of_the_noise(rng):
     noisy = truth + rng.normal(size=truth.shape)
     trusted = np.ones(truth.shape[:2], dtype=bool)
     trusted[50:1950:40] = False
-    filled, sd = bridge_short(np.where(trusted[..., None], noisy, 0.0), trusted, 5, 120.0)
+    filled, sd = bridge(np.where(trusted[..., None], noisy, 0.0), trusted)
     miss = (filled - noisy)[~trusted] / sd[~trusted][:, None]
     assert 0.8 < np.sqrt(np.mean(miss**2)) < 1.25
 
@@ -50,5 +55,30 @@ def test_the_sd_is_that_of_the_noise(rng):
 def test_too_little_is_left(n_frames):
     trusted = np.ones((n_frames, 1), dtype=bool)
     trusted[n_frames // 2] = False
-    _, sd = bridge_short(np.zeros((n_frames, 1, 3)), trusted, 5, 120.0)
+    _, sd = bridge(np.zeros((n_frames, 1, 3)), trusted)
     assert np.isnan(sd).all()
+
+
+def test_a_jerk_that_the_neighbours_tell_of_is_followed():
+    truth = wave()[:, :1]
+    truth[151:] += [[40.0, 0.0, -25.0]]
+    trusted = np.ones(truth.shape[:2], dtype=bool)
+    trusted[150:153] = False
+    carried = truth[:, 0] + [5.0, 1.0, 2.0]
+
+    def travelling(marker, frames):
+        return BodyFrames(np.broadcast_to(np.eye(3), (len(frames), 3, 3)), carried[frames])
+
+    seen = np.where(trusted[..., None], truth, 0.0)
+    alone, followed = bridge(seen, trusted)[0], bridge(seen, trusted, travelling)[0]
+    assert np.abs(followed - truth).max() < 0.01
+    assert np.abs(alone - truth).max() > 5.0
+
+
+def test_short_are_gaps_up_to_the_longest_of_markers_that_are_seen_enough():
+    trusted = np.ones((40, 2), dtype=bool)
+    trusted[10:15] = trusted[20:26] = False
+    trusted[:30, 1] = False
+    expected = np.zeros_like(trusted)
+    expected[10:15, 0] = True
+    assert np.array_equal(short(trusted, 5), expected)
