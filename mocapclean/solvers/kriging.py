@@ -110,7 +110,7 @@ VIEWS = (
     View(24, 24, 5.0),
     View(4, 24),
     View(0, 24),
-    View(6, 6, n_poses=20),
+    View(10, 10, n_poses=30),
     View(6, 12, hinged=True),
     View(12, 24, hinged=True),
 )
