@@ -175,6 +175,16 @@ def test_prediction_leaves_a_limb_that_moves_as_never_before(box):
     assert distrusted.sum() <= 0.1 * 30 * len(arm)
 
 
+@pytest.mark.parametrize(("start", "stop"), [(30, 115), (12, 100), (60, 142)])
+def test_what_goes_and_comes_back_is_the_jump_even_if_it_lasts_longer(box, start, stop):
+    take = box.crop(0, 160)
+    positions, marker = take.positions.copy(), box.markers.index("LTHI")
+    positions[start:stop, marker] += [0.0, 96.0, -128.0]
+    distrusted = ~detect(moved(take, positions=positions)).trusted
+    assert distrusted[start:stop, marker].all()
+    assert np.count_nonzero(distrusted) <= stop - start + 4
+
+
 def test_bones_tell_a_drift_from_its_echoes():
     boxing = perform("boxing", 5.0, 120.0, 2)
     joints = move(boxing.asf, boxing.asf_poses).positions

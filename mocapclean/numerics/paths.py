@@ -68,7 +68,7 @@ def _jerk(expected: Floats) -> Floats:
 
 
 def deviations(
-    positions: Floats, residual: Floats, breaks: Bools, threshold: Floats, usable: Bools, cost: float
+    positions: Floats, residual: Floats, breaks: Bools, threshold: Floats, usable: Bools, cost: float, end: float
 ) -> tuple[Floats, slice, float]:
     """How far the frames (F,) of one marker lie off its path, in mm, from where to where it leads, and what it costs.
 
@@ -76,9 +76,10 @@ def deviations(
     steps of it that nothing explains.
 
     positions, residual: (F, 3), NaN where not trusted; breaks: (F,) bool; threshold: (F,) mm; usable: (F,) the frames
-    whose wandering counts. cost: what a step that nothing explains costs, in frames: two of them are worth it to keep a
-    piece twice as long, one to keep an end of this length. Off the chain, the residual of the path is a line. A marker
-    that breaks in more than a tenth of its frames has no path.
+    whose wandering counts. cost: what a step that nothing explains costs, in frames, beyond an end off the path: it is
+    worth it to keep an end of this length. end: what an end off the path costs besides its frames, for a piece between
+    two that can follow each other has gone there and back, even if it is longer than both. Off the chain, the residual
+    of the path is a line. A marker that breaks in more than a tenth of its frames has no path.
     """
     trusted = np.isfinite(residual[:, 0])
     off = np.zeros(len(trusted))
@@ -87,12 +88,12 @@ def deviations(
         return off, slice(0, len(off)), 0.0
     pieces = _pieces(trusted, breaks)
     wander = _wander(residual, usable & trusted)
-    chain, n_steps = _chain(positions, residual, pieces, breaks, threshold, wander, cost)
+    chain, toll = _chain(positions, residual, pieces, breaks, threshold, wander, cost, end)
     kept, doubted = np.flatnonzero(chain), np.flatnonzero(trusted & ~chain)
     bridge = np.stack([np.interp(doubted, kept, residual[kept, axis]) for axis in range(3)], axis=1)
     away = np.linalg.norm(residual[doubted] - bridge, axis=1)
     off[doubted] = np.where(away > threshold[doubted], away, 0.0)
-    return off, slice(int(kept[0]), int(kept[-1]) + 1), float(np.count_nonzero(off) + cost * n_steps)
+    return off, slice(int(kept[0]), int(kept[-1]) + 1), float(np.count_nonzero(off) + toll)
 
 
 def _pieces(trusted: Bools, breaks: Bools) -> Ints:
@@ -120,9 +121,16 @@ def _wander(residual: Floats, usable: Bools) -> Floats:
 
 
 def _chain(
-    positions: Floats, residual: Floats, pieces: Ints, breaks: Bools, threshold: Floats, wander: Floats, cost: float
-) -> tuple[Bools, int]:
-    """The frames (F,) of the chain of pieces whose length, less its unexplained steps, is largest; and how many."""
+    positions: Floats,
+    residual: Floats,
+    pieces: Ints,
+    breaks: Bools,
+    threshold: Floats,
+    wander: Floats,
+    cost: float,
+    end: float,
+) -> tuple[Bools, float]:
+    """The frames (F,) of the chain of pieces with the largest length less what its steps and ends cost; and that cost."""
     starts, stops = pieces.T
     several = (stops - starts > 1)[:, None]
 
@@ -134,8 +142,9 @@ def _chain(
 
     first, last, leaving, arriving = ends(residual)
     came, went, away, towards = ends(positions)
-    total = (stops - starts).astype(float)
-    before, n_steps = np.full(len(pieces), -1), np.zeros(len(pieces), dtype=int)
+    length = (stops - starts).astype(float)
+    before, toll = np.full(len(pieces), -1), np.r_[0.0, np.full(len(pieces) - 1, end)]
+    total = length - toll
     for i in range(1, len(pieces)):
         j = np.arange(max(0, i - _LOOK_BACK), i)
         gap = starts[i] - (stops[j] - 1)
@@ -149,18 +158,19 @@ def _chain(
         close = (gap <= _NEAR + 1) & (several[i, 0] | several[j, 0])
         can |= close & (np.einsum("kjc,kjc->kj", by_position, by_position) <= threshold[starts[i]] ** 2).any(axis=0)
         can |= (gap == 1) & ~breaks[starts[i]]
-        worth = total[j] - np.where(can, 0.0, cost)
+        worth = total[j] - np.where(can, 0.0, cost + end)
         best = int(np.argmax(worth))
-        if worth[best] > 0:
+        if worth[best] > -end:
             before[i] = j[best]
-            total[i] += worth[best]
-            n_steps[i] = n_steps[j[best]] + (not can[best])
+            total[i] = length[i] + worth[best]
+            toll[i] = toll[j[best]] + total[j[best]] - worth[best]
+    total[:-1], toll[:-1] = total[:-1] - end, toll[:-1] + end
     chosen = np.zeros(len(residual), dtype=bool)
     last_piece = i = int(np.argmax(total))
     while i >= 0:
         chosen[starts[i] : stops[i]] = True
         i = int(before[i])
-    return chosen, int(n_steps[last_piece])
+    return chosen, float(toll[last_piece])
 
 
 def bursts(innovation: Floats, usable: Bools, expected: Floats) -> Bools:

@@ -28,7 +28,7 @@ _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
 LEAST_STEP, LEAST_SCORE = 15.0, 10.0
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
-_COST_SECONDS = 1.25
+_STEP_SECONDS, _END_SECONDS = 1.25, 0.5
 SLIDE_SECONDS = 0.5
 
 
@@ -150,7 +150,8 @@ class _Look:
         rate: float,
     ) -> None:
         self.filled, self.turns, self.rigid, self.bones = filled, guess.rotation, rigid, bones
-        self.measured, self.usable, self.cost = measured, usable, _COST_SECONDS * rate
+        self.measured, self.usable = measured, usable
+        self.tolls = _STEP_SECONDS * rate, _END_SECONDS * rate
         self.around = round(SLIDE_SECONDS * rate / 2)
         residual = ((positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
         self.positions, self.residual = (np.where(measured[..., None], path, np.nan) for path in (positions, residual))
@@ -201,8 +202,8 @@ class _Look:
         return abs(one.start - other.start) <= _SNAP + _SAME_STEP * len(self.measured)
 
     def _path(self, marker: int, positions: Floats, residual: Floats, breaks: Bools) -> tuple[Floats, slice, float]:
-        rest = self.threshold[:, marker], self.usable[:, marker], self.cost
-        return paths.deviations(positions, residual, breaks, *rest)
+        rest = self.threshold[:, marker], self.usable[:, marker]
+        return paths.deviations(positions, residual, breaks, *rest, *self.tolls)
 
     def _forgive(self, breaks: Bools, step: Step) -> None:
         around = _SNAP_SLACK if step.sudden else self.around
