@@ -79,7 +79,8 @@ def deviations(
     whose wandering counts. cost: what a step that nothing explains costs, in frames, beyond an end off the path: it is
     worth it to keep an end of this length. end: what an end off the path costs besides its frames, for a piece between
     two that can follow each other has gone there and back, even if it is longer than both. Off the chain, the residual
-    of the path is a line. A marker that breaks in more than a tenth of its frames has no path.
+    of the path is a line; before and after all of it, what it is at its end, or in the median of ``cost`` frames there.
+    A marker that breaks in more than a tenth of its frames has no path.
     """
     trusted = np.isfinite(residual[:, 0])
     off = np.zeros(len(trusted))
@@ -90,10 +91,17 @@ def deviations(
     wander = _wander(residual, usable & trusted)
     chain, toll = _chain(positions, residual, pieces, breaks, threshold, wander, cost, end)
     kept, doubted = np.flatnonzero(chain), np.flatnonzero(trusted & ~chain)
-    bridge = np.stack([np.interp(doubted, kept, residual[kept, axis]) for axis in range(3)], axis=1)
-    away = np.linalg.norm(residual[doubted] - bridge, axis=1)
+    away = np.full(len(doubted), np.inf)
+    for first, last in ((residual[kept[0]], residual[kept[-1]]), _usual(residual[kept], max(1, round(cost)))):
+        bridge = [np.interp(doubted, kept, residual[kept, c], first[c], last[c]) for c in range(3)]
+        away = np.minimum(away, np.linalg.norm(residual[doubted] - np.stack(bridge, axis=1), axis=1))
     off[doubted] = np.where(away > threshold[doubted], away, 0.0)
     return off, slice(int(kept[0]), int(kept[-1]) + 1), float(np.count_nonzero(off) + toll)
+
+
+def _usual(kept: Floats, near: int) -> tuple[Floats, Floats]:
+    """The medians of the first and the last rows of a path (n, 3)."""
+    return nan_median(kept[:near]), nan_median(kept[-near:])
 
 
 def _pieces(trusted: Bools, breaks: Bools) -> Ints:
@@ -130,7 +138,7 @@ def _chain(
     cost: float,
     end: float,
 ) -> tuple[Bools, float]:
-    """The frames (F,) of the chain of pieces with the largest length less what its steps and ends cost; and that cost."""
+    """The frames (F,) of the chain of pieces of most length less what its steps and ends cost; and that cost."""
     starts, stops = pieces.T
     several = (stops - starts > 1)[:, None]
 

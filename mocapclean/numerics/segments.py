@@ -6,7 +6,7 @@ looks for the frame from which on a marker sits elsewhere in its segment for goo
 and the frame where it explains most is taken.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ _FITS = 3
 _FLOOR = 0.5
 _PENALTIES = np.logspace(-6, 1, 15)
 _CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
+_BETWEEN, _BELIEVED = 0.1, 0.4
 _LONGEST_LAG = 200
 
 
@@ -108,12 +109,13 @@ class Prediction:
 
 
 def predict(
-    positions: Floats, usable: Bools, rigid: Rigidity, *, with_steps: bool = False, only: Bools | None = None
+    positions: Floats, usable: Bools, rigid: Rigidity, *, slide: int | None = None, only: Bools | None = None
 ) -> Prediction:
     """Predict every marker (or only some, (M,) bool) in every frame from its partners.
 
-    positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. A marker with fewer than 3
-    partners or too few usable frames is not predicted: it is expected where the mean of all markers goes.
+    positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: how many frames a step
+    may take, None where steps are not asked for. A marker with fewer than 3 partners or too few usable frames is not
+    predicted: it is expected where the mean of all markers goes.
     """
     n_frames, n_markers = usable.shape
     expected = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
@@ -133,9 +135,10 @@ def predict(
         guess = _regress(local, target, train)
         residual[:, marker], rotation[:, marker] = target - guess, turn
         expected[:, marker] = (guess[:, None] @ turn.swapaxes(1, 2))[:, 0] + centre
-        found = _best_step(local[train], target[train]) if with_steps else None
+        rows = None if slide is None else slide * len(train) // int(train[-1] - train[0] + 1)
+        found = None if rows is None else _best_step(local[train], target[train], rows)
         if found:
-            steps.append(Step(marker, int(train[found[0]]), *found[1:]))
+            steps.append(Step(marker, int(train[found.start]), found.offset, found.score))
     return Prediction(residual, expected, rotation, known, tuple(steps))
 
 
@@ -208,34 +211,65 @@ class _Ridge:
         return np.asarray(self.vectors @ ((self.vectors.T @ (self.weighted.T @ wanted)) / self.shrunk[:, None]))
 
 
-def _best_step(inputs: Floats, wanted: Floats) -> tuple[int, Floats, float] | None:
-    """The row from which on a constant offset explains most beside a ridge regression: (row, offset, score)."""
+@dataclass(frozen=True)
+class _StepFit:
+    """The row from which on there is an offset (3,), that over its standard error, and the trust (n,) in rows."""
+
+    start: int
+    offset: Floats
+    score: float
+    weights: Floats
+
+
+def _best_step(inputs: Floats, wanted: Floats, slide: int) -> _StepFit | None:
+    """The row from which on a constant offset explains most beside a ridge regression.
+
+    The step is made at once, or by a slide of some rows: then the rows about it are left out before it is fitted, for
+    the inputs take a slide for motion. What has the higher score counts, of what the rows of both sides agree with.
+    """
     n_rows = len(wanted)
     edge = max(_FEWEST, round(_EDGE * n_rows))
     if n_rows < 4 * edge:
         return None
     starts = np.unique(np.linspace(edge, n_rows - edge, _CANDIDATES).astype(int))
-    weights, start = np.ones(n_rows), edge
-    for round_ in range(_FITS):
-        if round_ == _FITS - 1:
-            reach = 1 + n_rows // _CANDIDATES
-            starts = np.arange(max(edge, start - reach), min(n_rows - edge, start + reach) + 1)
-        share = weights / weights.sum()
-        steps = (np.arange(n_rows)[:, None] >= starts).astype(float)
-        features, target, steps = inputs - share @ inputs, wanted - share @ wanted, steps - share @ steps
-        ridge = _Ridge(features, target, weights)
-        left = target - features @ ridge.slopes(target)
-        own = steps - features @ ridge.slopes(steps)
-        said = own.T @ (weights[:, None] * target)
-        room = np.maximum((weights[:, None] * steps * own).sum(axis=0), 1e-9)
-        best = int(np.argmax((said**2).sum(axis=1) / room))
-        start, offset = int(starts[best]), said[best] / room[best]
-        left = left - own[:, [best]] * offset
-        weights = _confidence(np.linalg.norm(left, axis=1))
+    rough = _fit_step(inputs, wanted, starts, _StepFit(0, np.zeros(3), 0.0, np.ones(n_rows)))
+    at_once = _fit_step(inputs, wanted, starts, rough)
+    slide = min(slide, int(_BETWEEN * n_rows))
+    away = np.abs(np.arange(n_rows) - rough.start) > slide
+    slid = _fit_step(inputs, wanted, np.array([rough.start]), replace(rough, weights=rough.weights * away))
+    fits = []
+    for fit in (at_once, slid):
+        reach = 1 + n_rows // _CANDIDATES
+        near = np.arange(max(edge, fit.start - reach), min(n_rows - edge, fit.start + reach) + 1)
+        fits.append(_fit_step(inputs, wanted, near, fit))
+    return max((fit for fit in fits if _believed(fit, slide)), key=lambda fit: fit.score, default=None)
+
+
+def _believed(fit: _StepFit, slide: int) -> bool:
+    """Whether the rows of both sides of a step, those of the slide aside, agree with it."""
+    away = np.arange(len(fit.weights)) - fit.start
+    sides = (fit.weights[away < -slide], fit.weights[away > slide])
+    return all(side.size > 0 and float(side.mean()) >= _BELIEVED for side in sides)
+
+
+def _fit_step(inputs: Floats, wanted: Floats, starts: Ints, last: _StepFit) -> _StepFit:
+    """The best of the steps from starts (k,) on, with the weights of the last fit, and the penalty without its step."""
+    weights, rows = last.weights, np.arange(len(wanted))[:, None]
+    share = weights / weights.sum()
+    steps, taken = (rows >= starts).astype(float), (rows >= last.start) * last.offset
+    features, target, steps, taken = (x - share @ x for x in (inputs, wanted, steps, taken))
+    ridge = _Ridge(features, target - taken, weights)
+    left, own = target - features @ ridge.slopes(target), steps - features @ ridge.slopes(steps)
+    said = own.T @ (weights[:, None] * target)
+    room = np.maximum((weights[:, None] * steps * own).sum(axis=0), 1e-9)
+    best = int(np.argmax((said**2).sum(axis=1) / room))
+    offset = said[best] / room[best]
+    left = left - own[:, [best]] * offset
+    weights = _confidence(np.linalg.norm(left, axis=1))
     noise = weights[:, None] * left
     variance = (noise**2).sum() / weights.sum() + _FLOOR**2
     score = np.linalg.norm(offset) * np.sqrt(room[best] / (variance * _correlation_time(noise)))
-    return start, offset, float(score)
+    return _StepFit(int(starts[best]), offset, float(score), weights)
 
 
 def _correlation_time(noise: Floats) -> float:

@@ -21,11 +21,12 @@ _FARTHEST = 1e8
 _ROUNDS, _SETTLED, _RUINED = 5, 5e-4, 0.9
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
+_CONFIRMED, _SLACK = 0.2, 3.0
 _RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
-_BENT, _BENT_SECONDS, _BENT_SCORE = 0.5, 2.0, 0.6
+_BENT, _BENT_SECONDS = 0.5, 2.0
 _STILL = 0.005
 _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
-LEAST_STEP, LEAST_SCORE = 15.0, 10.0
+LEAST_STEP, LEAST_SCORE, _SURER = 15.0, 10.0, 0.6
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
 _STEP_SECONDS, _END_SECONDS = 1.25, 0.5
@@ -102,11 +103,11 @@ class Evidence:
         positions = exchange(self.take.positions, self.exchanges)
         rigid = rigidity(positions, trusted) if self.exchanges else self.rigid
         bones = _Bones(np.where(trusted[..., None], positions, np.nan), rigid, self.take.rate)
-        usable = trusted
+        usable, slide = trusted, round(SLIDE_SECONDS * self.take.rate)
         steps: tuple[Step, ...] = ()
         for round_ in range(_ROUNDS):
             filled = complete(positions, usable, rigid)
-            guess = predict(filled, usable, rigid, with_steps=round_ < _ROUNDS - 1)
+            guess = predict(filled, usable, rigid, slide=slide if round_ < _ROUNDS - 1 else None)
             holds = _holds(positions, trusted, guess)
             measured = trusted & ~_held(holds, trusted)
             look = _Look(positions, filled, guess, measured, usable, rigid, bones, steps, self.take.rate)
@@ -168,9 +169,22 @@ class _Look:
             self.astray[within, marker] = self.deviation[within, marker] > 0
         self.bursts = paths.bursts(innovation, usable, guess.expected) & measured
 
+    def seen(self, step: Step) -> Step:
+        """A step as its path and its bones show it.
+
+        It is made at the frame near it at which the residual makes most of it at once, if any makes half of it; it is
+        sudden where that is a break.
+        """
+        size, low = float(np.linalg.norm(step.offset)), max(1, step.start - _SNAP)
+        path = self.residual[low - 1 : step.start + _SNAP + 1, step.marker]
+        rises = np.nan_to_num(np.diff(path, axis=0) @ step.offset / size)
+        if rises.max(initial=0.0) > size / 2:
+            start = low + int(np.argmax(rises))
+            step = replace(step, start=start, sudden=bool(self.breaks[start, step.marker]))
+        return replace(step, bends=bool(self.bones.bent(step.marker, step.start).size))
+
     def explains(self, step: Step) -> bool:
         """Whether the marker's path costs no more with a step taken out than with it."""
-        step = _snapped(step, self.residual[:, step.marker])
         later = np.arange(len(self.measured)) >= step.start
         residual = self.residual[:, step.marker] - later[:, None] * step.offset
         breaks = self.breaks[:, step.marker].copy()
@@ -183,19 +197,23 @@ class _Look:
         filled = self.filled.copy()
         filled[without.start :, without.marker] -= self.turns[without.start :, without.marker] @ without.offset
         only = np.arange(filled.shape[1]) == other.marker
-        left = predict(filled, self.usable, self.rigid, with_steps=True, only=only).steps
+        left = predict(filled, self.usable, self.rigid, slide=2 * self.around, only=only).steps
         return max((step.score for step in left if self.near(step, other)), default=0.0)
 
-    def agrees(self, step: Step, other: Step) -> float:
-        """How much of the change in the distances to its partners a step explains, another marker aside; at most 1."""
+    def agrees(self, step: Step, aside: int | None = None) -> float:
+        """How much of the change in the distances to its partners a step explains, one marker aside; at most 1.
+
+        A partner counts the less, the less it keeps its distance.
+        """
         partners = self.rigid.partners(step.marker)[0]
-        partners = partners[partners != other.marker][:_CLOSEST]
+        partners = partners[partners != aside][:_CLOSEST]
+        share = 1.0 / (self.rigid.spread[step.marker, partners] + _SLACK)
         away = self.positions[:, partners] - self.positions[:, [step.marker]]
-        apart = np.linalg.norm(away, axis=2)
-        change = nan_median(apart[step.start :]) - nan_median(apart[: step.start])
-        turned = (away / np.maximum(apart, 1e-9)[..., None]) @ self.turns[:, step.marker]
-        expected = -nan_median(turned) @ step.offset
-        return float(1.0 - np.abs(change - expected).sum() / max(np.abs(expected).sum(), 1e-9))
+        undone = away[step.start :] + (self.turns[step.start :, step.marker] @ step.offset)[:, None]
+        before, after, should = (
+            nan_median(np.linalg.norm(way, axis=2)) for way in (away[: step.start], away[step.start :], undone)
+        )
+        return float(1.0 - share @ np.abs(should - before) / max(share @ np.abs(after - should), 1e-9))
 
     def near(self, one: Step, other: Step) -> bool:
         """Whether two steps are made at about the same time."""
@@ -291,13 +309,14 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
     same time the surest goes first, unless it is an echo; the echoes of it are gone in the next round.
     """
     chosen: list[Step] = []
-    seen = [replace(step, bends=bool(look.bones.bent(step.marker, step.start).size)) for step in steps]
+    seen = [look.seen(step) for step in steps]
     clear = [step for step in seen if step.score >= surely(step) and np.linalg.norm(step.offset) >= LEAST_STEP]
     for step in sorted(clear, key=lambda step: -step.score):
         if (
             fresh[[step.marker, *look.rigid.partners(step.marker)[0][:_CLOSEST]]].any()
             or any(step.marker == old.marker for old in known)
             or not look.explains(step)
+            or not (step.sudden or step.score >= 2 * LEAST_SCORE or look.agrees(step) >= _CONFIRMED)
             or not look.bones.allow(
                 step, *([one.marker for one in of if look.near(one, step)] for of in (known, clear))
             )
@@ -307,13 +326,13 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
         if any(other.marker == old.marker for other in tied for old in chosen):
             continue
         if not any(_echoes(step, other, look) for other in tied):
-            chosen.append(_snapped(step, look.residual[:, step.marker]))
+            chosen.append(step)
     return chosen
 
 
 def surely(step: Step, least: float = LEAST_SCORE) -> float:
-    """The least score of a step, less where it bends a bone."""
-    return least * (_BENT_SCORE if step.bends else 1.0)
+    """The least score of a step, less where it bends a bone or breaks the path at once."""
+    return least * (_SURER if step.bends or step.sudden else 1.0)
 
 
 def _echoes(step: Step, other: Step, look: _Look) -> bool:
@@ -326,7 +345,8 @@ def _echoes(step: Step, other: Step, look: _Look) -> bool:
         return False
     goes, stays = look.remains(step, other) < surely(step), look.remains(other, step) >= surely(other)
     even = goes and not stays and other.score >= _EVEN * step.score
-    return (goes and stays) or (even and look.agrees(other, step) > max(look.agrees(step, other), _AGREES))
+    agree = look.agrees(step, other.marker), look.agrees(other, step.marker)
+    return (goes and stays) or (even and agree[1] > max(agree[0], _AGREES))
 
 
 def _tied(one: Step, other: Step, look: _Look) -> bool:
@@ -334,13 +354,3 @@ def _tied(one: Step, other: Step, look: _Look) -> bool:
     partners = look.rigid.partners
     tied = other.marker in partners(one.marker)[0] or one.marker in partners(other.marker)[0]
     return tied and one.marker != other.marker and look.near(one, other)
-
-
-def _snapped(step: Step, residual: Floats) -> Step:
-    """The step at the frame near it at which the residual (F, 3) makes most of it at once, if any makes half of it."""
-    size = float(np.linalg.norm(step.offset))
-    low = max(1, step.start - _SNAP)
-    rises = np.diff(residual[low - 1 : step.start + _SNAP + 1], axis=0) @ step.offset / size
-    if np.isfinite(rises).any() and np.nanmax(rises) > size / 2:
-        return replace(step, start=low + int(np.nanargmax(rises)), sudden=True)
-    return step

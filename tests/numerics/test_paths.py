@@ -14,12 +14,12 @@ def smooth(rng, n_frames=400):
     return position + residual, residual
 
 
-def off(position, residual, cost=150.0):
+def off(position, residual, cost=150.0, end=60.0):
     innovation = paths.innovations(position, residual)
     usable = np.isfinite(residual[..., 0])
     threshold = paths.thresholds(innovation, usable, np.zeros_like(residual))
     breaks = innovation > threshold
-    return paths.deviations(position[:, 0], residual[:, 0], breaks[:, 0], threshold[:, 0], usable[:, 0], cost)
+    return paths.deviations(position[:, 0], residual[:, 0], breaks[:, 0], threshold[:, 0], usable[:, 0], cost, end)
 
 
 def shifted(rng, *spans, size=40.0):
@@ -42,13 +42,28 @@ def test_what_goes_there_and_back_is_off_and_nothing_else(rng, spans):
     for start, stop in spans:
         expected[start:stop] = True
     np.testing.assert_array_equal(away > 0, expected)
-    assert cost == expected.sum()
+    assert cost == expected.sum() + 60 * (expected[0] or expected[-1])
 
 
 def test_a_step_for_good_is_not_off_but_costs(rng):
     away, _, cost = off(*shifted(rng, (200, 400)))
     assert not away.any()
-    assert cost == 150.0
+    assert cost == 150.0 + 60.0
+
+
+@pytest.mark.parametrize(("start", "stop"), [(40, 280), (90, 330), (60, 300)])
+def test_what_comes_back_is_off_even_if_it_lasts_longer_than_the_rest(rng, start, stop):
+    away, *_ = off(*shifted(rng, (start, stop)))
+    np.testing.assert_array_equal(np.flatnonzero(away), np.arange(start, stop))
+
+
+def test_an_end_that_is_where_the_path_usually_is_lies_on_it(rng):
+    position, residual = smooth(rng)
+    slide = 60.0 * np.linspace(0, 1, 30)[:, None, None] ** 2
+    position[250:280], residual[250:280] = position[250:280] + slide, residual[250:280] + slide
+    away, *_ = off(position, residual)
+    assert not away[:200].any()
+    assert not away[280:].any()
 
 
 def test_time_reversal_gives_the_same_frames(rng):

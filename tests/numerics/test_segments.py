@@ -68,15 +68,35 @@ def test_what_is_not_usable_is_not_read_and_is_completed(rng):
 def test_a_step_is_found_where_it_is_and_as_large(rng):
     positions = body(rng) + rng.normal(size=(300, 8, 3))
     usable = np.ones(positions.shape[:2], bool)
-    steady = predict(positions, usable, rigidity(positions, usable), with_steps=True)
+    steady = predict(positions, usable, rigidity(positions, usable), slide=20)
     assert max(step.score for step in steady.steps) < 8.0
     offset = np.array([12.0, -9.0, 14.0])
     positions[180:, 4] += (steady.rotation[180:, 4] @ offset[:, None])[..., 0]
-    found = predict(positions, usable, rigidity(positions, usable), with_steps=True)
+    found = predict(positions, usable, rigidity(positions, usable), slide=20)
     step = max(found.steps, key=lambda step: step.score)
     assert (step.marker, abs(step.start - 180) <= 2) == (4, True)
     assert step.score > 20.0
     assert abs(np.linalg.norm(step.offset) - np.linalg.norm(offset)) < 3.0
+
+
+def test_a_slide_makes_as_large_a_step(rng):
+    positions = body(rng) + rng.normal(size=(300, 8, 3))
+    usable = np.ones(positions.shape[:2], bool)
+    turns = predict(positions, usable, rigidity(positions, usable)).rotation[:, 4]
+    share = np.clip((np.arange(300) - 150) / 30, 0.0, 1.0)[:, None]
+    positions[:, 4] += (turns @ (share * [12.0, -9.0, 14.0])[..., None])[..., 0]
+    found = predict(positions, usable, rigidity(positions, usable), slide=30)
+    step = max(found.steps, key=lambda step: step.score)
+    assert (step.marker, 140 <= step.start <= 190) == (4, True)
+    assert abs(np.linalg.norm(step.offset) - np.linalg.norm([12.0, -9.0, 14.0])) < 3.0
+
+
+def test_a_step_that_one_side_of_it_denies_is_none(rng):
+    positions = body(rng) + 0.2 * rng.normal(size=(300, 8, 3))
+    usable = np.ones(positions.shape[:2], bool)
+    positions[:32, 4] += 150 * np.sin(np.arange(32) / 6)[:, None] * [0.0, 0.6, 0.8]
+    found = predict(positions, usable, rigidity(positions, usable), slide=20)
+    assert all(step.marker != 4 for step in found.steps)
 
 
 def test_a_lonely_marker_is_not_predicted(rng):
