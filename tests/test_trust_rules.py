@@ -164,6 +164,15 @@ def test_prediction_finds_it_too(box):
     assert not np.delete(distrusted, marker, axis=1).any()
 
 
+def test_prediction_says_nothing_where_too_few_partners_are_in_sight(box):
+    positions, trusted = box.positions.copy(), box.trusted.copy()
+    marker = box.markers.index("LTHI")
+    positions[200:250, marker] += 90 * np.sin(np.linspace(0, np.pi, 50))[:, None] * [0.0, 0.6, 0.8]
+    trusted[195:255, Evidence(box).rigid.partners(marker)[0]] = False
+    distrusted, _ = ruled(moved(box, positions=positions, trusted=trusted), "predict")
+    assert not distrusted.any()
+
+
 def test_prediction_leaves_a_limb_that_moves_as_never_before(box):
     positions = box.positions.copy()
     arm = [box.markers.index(name) for name in ("LELB", "LFRM", "LWRA", "LWRB", "LFIN")]

@@ -2,7 +2,8 @@
 
 The residual of the regression in its segment's frame exceeds 30 mm; an exponential tail through its own median and 95th
 percentile, where that is exceeded once in a million; and twice the residuals of its five closest partners, for a whole
-limb is where it was never seen before when it moves as never before. Unlike ``jump`` the rule needs no sharp edge.
+limb is where it was never seen before when it moves as never before. Unlike ``jump`` the rule needs no sharp edge. Where
+less than half of what is said of a marker is said by partners in sight, the rule says nothing.
 """
 
 from typing import Annotated
@@ -16,7 +17,7 @@ from mocapclean.parameters import STRICT
 from mocapclean.trust.evidence import Evidence
 from mocapclean.trust.rule import Ruling, Switch, findings, lasting
 
-_CLOSEST, _ALONE = 5, 2.0
+_CLOSEST, _ALONE, _IN_SIGHT = 5, 2.0, 0.5
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -33,8 +34,10 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     limit = np.maximum(params.least, tail(away)[1])
     far = np.asarray(study.known & (away > limit))
     for marker in np.flatnonzero(far.any(axis=0)).tolist():
-        partners = evidence.rigid.partners(marker)[0][:_CLOSEST]
-        far[:, marker] &= away[:, marker] > _ALONE * np.nan_to_num(away[:, partners]).max(axis=1, initial=0.0)
+        partners, weights = evidence.rigid.partners(marker)
+        far[:, marker] &= evidence.near[:, partners] @ weights >= _IN_SIGHT * weights.sum()
+        closest = away[:, partners[:_CLOSEST]]
+        far[:, marker] &= away[:, marker] > _ALONE * np.nan_to_num(closest).max(axis=1, initial=0.0)
 
     def message(marker: int, start: int, stop: int) -> str:
         most = np.nanmax(away[start:stop, marker])
