@@ -165,12 +165,16 @@ def test_prediction_finds_it_too(box):
 
 
 def test_prediction_says_nothing_where_too_few_partners_are_in_sight(box):
-    positions, trusted = box.positions.copy(), box.trusted.copy()
     marker = box.markers.index("LTHI")
-    positions[200:250, marker] += 90 * np.sin(np.linspace(0, np.pi, 50))[:, None] * [0.0, 0.6, 0.8]
-    trusted[195:255, Evidence(box).rigid.partners(marker)[0]] = False
+    partners, weights = Evidence(box).rigid.partners(marker)
+    n_hidden = 1 + int(np.searchsorted(np.cumsum(weights), 0.55 * weights.sum()))
+    positions, trusted = box.positions.copy(), box.trusted.copy()
+    positions[200:250, [marker]] += 90 * np.sin(np.linspace(0, np.pi, 50))[:, None, None] * [0.0, 0.6, 0.8]
+    assert ruled(moved(box, positions=positions), "predict")[0][:, marker].any()
+    trusted[222:228, partners[:n_hidden]] = False
     distrusted, _ = ruled(moved(box, positions=positions, trusted=trusted), "predict")
-    assert not distrusted.any()
+    assert distrusted[216:222, marker].all()
+    assert not distrusted[222:228].any()
 
 
 def test_prediction_leaves_a_limb_that_moves_as_never_before(box):

@@ -1,7 +1,9 @@
 """Drift: from some frame on a marker sits elsewhere in its segment, because it slid or was put back.
 
-A step is added to the regression of the marker on those around it; it must be 15 mm and 10 standard errors (6 where it
-bends a bone), and the path of the marker must not cost more without it. Where bones hold the marker, one must bend, and
+A step is added to the regression of the marker on those around it, at once or with up to half a second of sliding left
+out; it must be 15 mm and 10 standard errors (6 where it bends a bone or is a break), most of what comes before and after
+it must agree with it, and the path of the marker must not cost more without it. Below 20 standard errors a slide must
+also explain a fifth of how the distances to the five closest partners change. Where bones hold the marker, one must bend, and
 if it is but one, no other of a marker at its other end that may have stepped as well. Of partners that step at the same
 time the one with the surest step is at fault. What comes after the step is distrusted, for the first place is taken for
 the right one, unless less than 15 % of the marker's frames come before it; so is the slide that leads to it, while the
@@ -31,7 +33,10 @@ class Params(Switch):
 
     least: Annotated[float, Field(ge=LEAST_STEP, description="mm that it moved in its segment")] = LEAST_STEP
     surely: Annotated[
-        float, Field(ge=LEAST_SCORE, description="1, that over its standard error; 0.6 of it if it bends a bone")
+        float,
+        Field(
+            ge=LEAST_SCORE, description="1, that over its standard error; 0.6 of it if it bends a bone or is a break"
+        ),
     ] = LEAST_SCORE
 
 

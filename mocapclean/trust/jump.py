@@ -1,6 +1,7 @@
 """Jumps: a marker is elsewhere for a while and comes back, as when a reflection is taken for it.
 
-As ``spike``, for longer spans. Where a marker steps away and does not come back, the shorter side is distrusted if it
+As ``spike``, for longer spans. What goes and comes back is the jump, even if it lasts up to a second longer than the
+rest of the path. Where a marker steps away and does not come back, the shorter side is distrusted if it
 is shorter than 1.25 seconds; what lasts longer is ``drift``.
 """
 

@@ -1,0 +1,71 @@
+"""What detection costs: the time of all trust rules beside that of the default fill, on takes with gaps.
+
+    python benchmarks/detection.py TAKE [TAKE ...] [--frames 600]
+
+Each take loses 5 % of its samples in 200 gaps, is examined by the rules, and filled by the default method with its
+numbers chosen beforehand, as ``mocapclean fill`` does. Then the first half of it is examined as well: where detection
+grows as the frames do, the whole takes twice as long. Prints processor times as ratios.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+
+import mocapclean
+from mocapclean.choosing import prepared
+from mocapclean.config import DEFAULT_METHOD
+from mocapclean.simulate import hide
+from mocapclean.solvers import SOLVERS
+from mocapclean.trust import detect
+
+GAPS, SHARE = 200, 0.05
+
+
+def gaps(trusted, rng):
+    """Samples (F, M) to hide: a share of them in so many gaps of the same length, which may touch."""
+    n_frames, n_markers = trusted.shape
+    length = max(1, round(SHARE * trusted.size / GAPS))
+    missing = np.zeros_like(trusted)
+    for _ in range(GAPS):
+        start = rng.integers(n_frames - length + 1)
+        missing[start : start + length, rng.integers(n_markers)] = True
+    return missing & trusted
+
+
+def timed(work, *given):
+    """The processor time of a piece of work, the least of three."""
+    spent = []
+    for _ in range(3):
+        started = process_time()
+        work(*given)
+        spent.append(process_time() - started)
+    return min(spent)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("takes", nargs="+", type=Path)
+    parser.add_argument("--frames", type=int, help="only so many frames of each take")
+    given = parser.parse_args()
+    solve = prepared(DEFAULT_METHOD, SOLVERS[DEFAULT_METHOD].Params())
+    for path in given.takes:
+        take = mocapclean.read(path)
+        take = take.crop(0, min(given.frames or len(take.trusted), len(take.trusted)))
+        missing = gaps(take.trusted, np.random.default_rng(0))
+        broken = hide(take, missing)
+        detection, filling = timed(detect, broken), timed(solve, broken, ~broken.trusted)
+        half = timed(detect, broken.crop(0, len(broken.trusted) // 2))
+        print(
+            f"{path.name} {take.trusted.shape}: detection / fill {detection / filling:.2f}, "
+            f"detection of the whole / of half {detection / half:.2f}"
+        )
+
+
+if __name__ == "__main__":
+    main()
