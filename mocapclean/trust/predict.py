@@ -2,8 +2,8 @@
 
 The residual of the regression in its segment's frame exceeds 30 mm; an exponential tail through its own median and 95th
 percentile, where that is exceeded once in a million; and twice the residuals of its five closest partners, for a whole
-limb is where it was never seen before when it moves as never before. Unlike ``jump`` the rule needs no sharp edge. Where
-less than half of what is said of a marker is said by partners in sight, the rule says nothing.
+limb is where it was never seen before when it moves as never before. Unlike ``jump`` the rule needs no sharp edge.
+Where less than half of what is said of a marker is said by partners in sight, the rule says nothing.
 """
 
 from typing import Annotated
