@@ -68,7 +68,7 @@ def rotations(moments: Floats) -> Floats:
         slope = 4.0 * most * excess - 8.0 * determinant
         step = (excess * excess - 8.0 * most * determinant - 4.0 * minors) / np.maximum(slope, _FLAT)
         most -= step
-        if step.max(initial=0.0) < _MOVED:
+        if np.all((step < _MOVED) | (slope < 8.0 * _FLAT)):
             break
     kappa = 0.5 * (most * most - 1.0)
     denominator = kappa * most - determinant

@@ -27,6 +27,7 @@ _TRAIN = 800
 _FITS = 3
 _FLOOR = 0.5
 _PENALTIES = np.logspace(-6, 1, 15)
+_LEAST = 1e-100  # its square is still a number
 _CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
 _BETWEEN, _BELIEVED = 0.1, 0.4
 _LONGEST_LAG = 200
@@ -198,7 +199,7 @@ class _Ridge:
         values = np.maximum(values, 0.0)
         self.vectors = vectors
         projected = vectors.T @ (self.weighted.T @ wanted)
-        penalties = _PENALTIES[:, None] * max(values[-1], np.finfo(float).tiny)
+        penalties = _PENALTIES[:, None] * max(values[-1], _LEAST)
         freedom = (values / (values + penalties)).sum(axis=1)
         energy = (weights[:, None] * wanted**2).sum()
         gain = ((projected**2).sum(axis=1) * (values + 2 * penalties) / (values + penalties) ** 2).sum(axis=1)

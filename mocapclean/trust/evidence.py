@@ -154,8 +154,8 @@ class _Look:
         self.measured, self.usable = measured, usable
         self.tolls = _STEP_SECONDS * rate, _END_SECONDS * rate
         self.around = round(SLIDE_SECONDS * rate / 2)
-        residual = ((positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
-        self.positions, self.residual = (np.where(measured[..., None], path, np.nan) for path in (positions, residual))
+        self.positions = np.where(measured[..., None], positions, np.nan)
+        self.residual = ((self.positions - guess.expected)[..., None, :] @ guess.rotation)[..., 0, :]
         innovation = paths.innovations(self.positions, self.residual)
         self.threshold = paths.thresholds(innovation, usable, guess.expected)
         self.breaks = innovation > self.threshold
