@@ -32,6 +32,7 @@ N_KERNELS = len(KERNELS) + 1
 POLYGON = 300.0
 N_BESIDE, PRIOR, SHARPNESS = 2, 4.0, 3
 EVEN = 1e-12  # square mm
+FARTHEST = 4.0
 MEDIAN = 0.789  # of the mean of three squared normal deviates
 
 Travelling = Callable[[int, Ints], BodyFrames | None]
@@ -144,7 +145,8 @@ def _tune(paths: _Paths, trials: list[_Place], bridges: "Bridges") -> tuple[Floa
 def _fill(paths: _Paths, gap: _Place, tuned: tuple[Floats, Floats] | None, bridges: "Bridges") -> tuple[Floats, Floats]:
     """The samples (length, 3) of a gap, and their SD (length,): the mean of all paths' and kernels' answers.
 
-    Weighted by 1 / (what they missed)⁶; the trials count as four samples.
+    Weighted by 1 / (what they missed)⁶; the trials count as four samples. Neighbours are believed up to four SD of what
+    the marker's own way says: in the gap they may be at fault themselves.
     """
     weights, variance, leave_out = bridges.of(gap.near - gap.start, gap.length)
     values, beside = paths.at(gap.near), slice(max(0, gap.before - N_BESIDE), gap.before + N_BESIDE)
@@ -156,13 +158,18 @@ def _fill(paths: _Paths, gap: _Place, tuned: tuple[Floats, Floats] | None, bridg
     if tuned:
         squares, scaled, counted = squares + PRIOR * tuned[0], scaled + PRIOR * tuned[1], counted + PRIOR
     shares = ((squares.min() + EVEN) / (squares + EVEN)) ** SHARPNESS
-    shares /= shares.sum()
-    answer = np.zeros((gap.length, 3))
-    for path, (share, track) in enumerate(zip(shares, values, strict=True)):
-        if share.any():
-            told = np.tensordot(share / share.sum(), weights, axes=1) @ track
-            answer += share.sum() * paths.to_world(path, told, gap.inside)
-    return answer, np.sqrt(np.einsum("pg,gn->n", shares * scaled / counted, variance))
+    variances = shares[..., None] * (scaled / counted)[..., None] * variance
+    sums = shares.sum(axis=1)
+    told = [
+        paths.to_world(path, np.tensordot(share / total, weights, axes=1) @ track, gap.inside)
+        for path, (share, total, track) in enumerate(zip(shares, sums, values, strict=True))
+    ]
+    alone = variances[0].sum(axis=0) / sums[0]
+    away = np.stack(told) - told[0]
+    size = np.linalg.norm(away, axis=2, keepdims=True)
+    away *= np.minimum(1.0, FARTHEST * np.sqrt(3.0 * alone)[:, None] / np.maximum(size, EVEN))
+    answer = told[0] + np.tensordot(sums / sums.sum(), away, axes=1)
+    return answer, np.sqrt(variances.sum(axis=(0, 1)) / sums.sum())
 
 
 class Bridges:

@@ -59,20 +59,32 @@ def test_too_little_is_left(n_frames):
     assert np.isnan(sd).all()
 
 
-def test_a_jerk_that_the_neighbours_tell_of_is_followed():
-    truth = wave()[:, :1]
-    truth[151:] += [[40.0, 0.0, -25.0]]
+def shaken(rng, leap=0.0):
+    """A marker that is shaken, its neighbours' way, which leaps in frame 151, and what is seen of the marker."""
+    truth = wave()[:, :1] + rng.normal(size=(300, 1, 3)) * 5.0
+    carried = truth[:, 0] + [5.0, 1.0, 2.0]
+    carried[151, 0] += leap
     trusted = np.ones(truth.shape[:2], dtype=bool)
     trusted[150:153] = False
-    carried = truth[:, 0] + [5.0, 1.0, 2.0]
 
     def travelling(marker, frames):
         return BodyFrames(np.broadcast_to(np.eye(3), (len(frames), 3, 3)), carried[frames])
 
-    seen = np.where(trusted[..., None], truth, 0.0)
+    return truth, np.where(trusted[..., None], truth, 0.0), trusted, travelling
+
+
+def test_a_shake_that_the_neighbours_tell_of_is_followed(rng):
+    truth, seen, trusted, travelling = shaken(rng)
     alone, followed = bridge(seen, trusted)[0], bridge(seen, trusted, travelling)[0]
-    assert np.abs(followed - truth).max() < 0.01
-    assert np.abs(alone - truth).max() > 5.0
+    assert np.abs(followed - truth).max() < 0.1
+    assert np.abs(alone - truth).max() > 3.0
+
+
+def test_neighbours_that_leap_mislead_by_some_sd_at_most(rng):
+    _, seen, trusted, travelling = shaken(rng, leap=1000.0)
+    (alone, sd), followed = bridge(seen, trusted), bridge(seen, trusted, travelling)[0]
+    assert np.linalg.norm((followed - alone)[151, 0]) < 5.0 * np.sqrt(3.0) * sd[151, 0]
+    assert np.linalg.norm((followed - alone)[151, 0]) > 3.0 * np.sqrt(3.0) * sd[151, 0]
 
 
 def test_short_are_gaps_up_to_the_longest_of_markers_that_are_seen_enough():
