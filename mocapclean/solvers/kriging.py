@@ -5,7 +5,7 @@ are seen all through the gap, and a_t their places in the same frame:
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn 5/2 process that meets the samples beside the gap
 
-Several such views (few or many neighbours, stiff or loose frames, one that does not turn, one that bends with the pose,
+Several such views (few or many neighbours, stiff or loose frames, one that does not turn, some that bend with the pose,
 those on the circle that two known distances leave) are combined with weights w ≥ 0, Σ w = 1, that minimise the mean
 square error on windows: stretches as long as the gap where k is known, hidden from each view and bridged as the gap is.
 The same errors give the standard deviation of every filled sample: their size, spread over the gap as the variance of g
@@ -105,7 +105,7 @@ class View:
 
 
 VIEWS = (
-    View(12, 12),
+    View(12, 12, n_poses=20),
     View(6, 6),
     View(24, 24, 5.0),
     View(4, 24),
