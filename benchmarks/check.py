@@ -1,0 +1,54 @@
+"""What ``mocapclean check`` costs beside reading the same takes and running the rules over them in a plain loop.
+
+    python benchmarks/check.py FOLDER [--workers 1]
+
+Processor time of both as child processes, and their ratio. Takes that cannot be read count in both.
+"""
+
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import argparse
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+LOOP = """
+import sys
+from pathlib import Path
+import mocapclean
+from mocapclean.errors import MocapcleanError
+from mocapclean.trust import detect
+for path in sorted(p for p in Path(sys.argv[1]).rglob("*") if p.suffix.lower() in (".c3d", ".bvh", ".amc")):
+    try:
+        detect(mocapclean.read(path))
+    except MocapcleanError:
+        pass
+"""
+
+
+def spent(command):
+    """Processor time of a child process and its children, s; what it prints is thrown away."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--workers", type=int, default=1)
+    given = parser.parse_args()
+    loop = spent([sys.executable, "-W", "ignore", "-c", LOOP, str(given.folder)])
+    with tempfile.TemporaryDirectory() as place:
+        check = [sys.executable, "-m", "mocapclean", "check", str(given.folder), "--workers", str(given.workers)]
+        checked = spent([*check, "--json", f"{place}/check.json"])
+    print(f"reading and detection {loop:.1f} s, check {checked:.1f} s: {checked / loop:.2f} times")
+
+
+if __name__ == "__main__":
+    main()
