@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.matern import matern
+from mocapclean.numerics.robust import nan_median
 from mocapclean.runs import column_runs, runs
 
 Floats = NDArray[np.float64]
@@ -36,7 +37,10 @@ FARTHEST = 4.0
 MEDIAN = 0.789  # of the mean of three squared normal deviates
 
 Travelling = Callable[[int, Ints], BodyFrames | None]
-"""For a marker and some frames: frames of reference that go where others say that it goes, if they say anything."""
+"""For a marker and some frames: frames of reference that go where others say that it goes, if they say anything.
+
+Their origins are not a number where the others say nothing.
+"""
 
 
 def short(trusted: Bools, longest: int) -> Bools:
@@ -139,7 +143,7 @@ def _tune(paths: _Paths, trials: list[_Place], bridges: "Bridges") -> tuple[Floa
         scaled.append((misses / variance[:, hidden]).mean(axis=2))
     if not trials:
         return None
-    return np.median(squares, axis=0) / MEDIAN, np.median(scaled, axis=0) / MEDIAN
+    return nan_median(np.stack(squares)) / MEDIAN, nan_median(np.stack(scaled)) / MEDIAN
 
 
 def _fill(paths: _Paths, gap: _Place, tuned: tuple[Floats, Floats] | None, bridges: "Bridges") -> tuple[Floats, Floats]:
@@ -149,7 +153,11 @@ def _fill(paths: _Paths, gap: _Place, tuned: tuple[Floats, Floats] | None, bridg
     the marker's own way says: in the gap they may be at fault themselves.
     """
     weights, variance, leave_out = bridges.of(gap.near - gap.start, gap.length)
-    values, beside = paths.at(gap.near), slice(max(0, gap.before - N_BESIDE), gap.before + N_BESIDE)
+    usable = np.isfinite(paths.at(gap.frames)).all(axis=(1, 2))
+    if tuned:
+        usable &= np.isfinite(tuned[0]).all(axis=1)
+        tuned = tuned[0][usable], tuned[1][usable]
+    values, beside = paths.at(gap.near)[usable], slice(max(0, gap.before - N_BESIDE), gap.before + N_BESIDE)
     own = np.einsum("gkk->gk", leave_out)[:, beside]
     left = np.matmul(leave_out, (values - values.mean(axis=1, keepdims=True))[:, None])
     weighted = np.square(left).mean(axis=3)[:, :, beside]

@@ -38,7 +38,7 @@ from mocapclean.dictionary import Dictionary
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.body_frames import BodyFrames
 from mocapclean.numerics.bone_projection import project
-from mocapclean.numerics.evidence import fillable
+from mocapclean.numerics.evidence import enclosed, fillable
 from mocapclean.numerics.hinge_frames import hinge_frames
 from mocapclean.numerics.radial_basis import nearness
 from mocapclean.numerics.regression_kriging import (
@@ -169,8 +169,8 @@ Gap = tuple[int, int, int]
 class Scene:
     """A take while it is being filled.
 
-    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; lacking (F, M):
-    1 where there is nothing to learn from, else 0. sd (F, M): NaN where nothing is filled.
+    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; within (F, M): that
+    and not at an end; lacking (F, M): 1 where there is nothing to learn from, else 0. sd (F, M): NaN where nothing is filled.
     """
 
     def __init__(self, take: Take, params: Params) -> None:
@@ -179,6 +179,7 @@ class Scene:
         self.positions = interpolation.linear(take.positions, take.trusted)
         self.mean, self.variance = distances(self.positions, take.trusted)
         self.known = take.trusted | short(take.trusted, max(1, round(SHORT * take.rate)))
+        self.within: Bools = take.trusted | (self.known & enclosed(take.trusted))
         bridged = bridge_short(self.positions, take.trusted, self.known, take.rate, self.travelling)
         self.positions, self.sd = bridged
         self.lacking = np.asarray(~self.known, dtype=float)
@@ -226,12 +227,15 @@ class Scene:
         return np.where(np.isfinite(weights), weights, 0.0)
 
     def travelling(self, marker: int, frames: Ints) -> BodyFrames | None:
-        """The frames (n) of a segment at some frames of the take, where a regression on its markers expects another."""
+        """The frames (n) of a segment at some frames of the take, where a regression on its markers expects another.
+
+        Not a number where one of these is not known, or in a gap at an end of the take.
+        """
         weights = self.rigidity(marker)
         near = np.argsort(-weights, kind="stable")[: max(N_TRAVELLING)]
         near = near[weights[near] > 0.0]
-        seen = np.flatnonzero(self.trusted[:, marker] & self.known[:, near].all(axis=1))
-        learnt = spread_out(seen, self.params.learnt, 1)
+        told: Bools = np.asarray(self.within[:, near].all(axis=1))
+        learnt = spread_out(np.flatnonzero(self.trusted[:, marker] & told), self.params.learnt, 1)
         if len(near) < 3 or len(learnt) < 2 * FEWEST:
             return None
         use = np.append(learnt, frames)
@@ -240,7 +244,8 @@ class Scene:
         features = (laid.to_local(points) * self.scales(marker, near)[:, None]).reshape(len(use), -1)
         target = laid.to_local(self.positions[use, marker][:, None])[:, 0]
         expected = laid.to_world(ridge(features, target, len(learnt), PENALTY)[:, None])[:, 0]
-        return BodyFrames(laid.axes[len(learnt) :], expected[len(learnt) :])
+        origins = np.where(told[frames, None], expected[len(learnt) :], np.nan)
+        return BodyFrames(laid.axes[len(learnt) :], origins)
 
     def scales(self, marker: int, others: Ints, looseness: float = 1.0) -> Floats:
         """What the places of others (n,) in the frame of a marker are multiplied by: the less, the less they tell."""

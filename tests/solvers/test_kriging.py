@@ -166,6 +166,15 @@ def test_no_fill_is_farther_from_its_segment_than_twice_what_was_ever_seen():
     assert np.abs(solution.positions - truth)[solution.filled].max() < 2000.0
 
 
+def test_markers_that_are_lost_together_at_the_end_do_not_mislead_each_other():
+    truth = body()
+    n_frames = len(truth)
+    missing = missing_of([(marker, n_frames - 3, n_frames) for marker in range(5)])
+    solution = solve(take_of(truth, missing), Params(bone_spread=0.0))
+    assert solution.filled[missing].all()
+    assert rms((solution.positions - truth)[missing]) < 0.1
+
+
 def test_a_knee_between_hip_and_ankle_is_found_on_its_circle(rng):
     t = np.arange(900) / RATE
     swing, bend, lean = 0.6 * np.sin(5 * t), 1.0 + 0.8 * np.sin(5 * t + 1) + 0.2 * np.sin(13 * t), 0.3 * np.sin(3 * t)
