@@ -169,8 +169,9 @@ Gap = tuple[int, int, int]
 class Scene:
     """A take while it is being filled.
 
-    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; within (F, M): that
-    and not at an end; lacking (F, M): 1 where there is nothing to learn from, else 0. sd (F, M): NaN where nothing is filled.
+    positions (F, M, 3): trusted, filled or guessed. known (F, M): trusted, or a bridged short gap; within (F, M): that,
+    but no gap at an end; lacking (F, M): 1 where there is nothing to learn from, else 0. sd (F, M): NaN where nothing
+    is filled.
     """
 
     def __init__(self, take: Take, params: Params) -> None:
