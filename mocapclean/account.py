@@ -105,7 +105,7 @@ def _why_left(before: Take, merged: Take, wanted: Bools, marker: int, start: int
     if not before.trusted[start:stop].any(axis=1).all():
         return "nothing is seen in some of these frames"
     if start == 0 or stop == len(before.trusted):
-        return "at the end of the take, and the method does not extrapolate"
+        return "at the end of the take, where the method has no answer"
     return "the method has no answer here"
 
 

@@ -471,19 +471,19 @@ def stiff_bones(take: Take, largest: float) -> tuple[Ints, Floats, Floats]:
 
 
 def distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
-    """Mean and variance (M, M) of the distances of markers, over up to 300 frames in which both are trusted.
+    """Mean and variance (M, M) of the distances of each marker from all, over up to 300 frames in which it is trusted.
 
     Infinite where they are seen together in fewer than 10 of these frames, or a quarter of fewer frames.
     """
-    frames = spread_out(np.arange(len(trusted)), N_SAMPLED, 1)
-    seen = trusted[frames]
-    both = seen[:, :, None] & seen[:, None]
-    apart = np.sqrt(sum(np.square(x[:, :, None] - x[:, None]) for x in np.moveaxis(positions[frames], 2, 0)))
-    count = both.sum(axis=0)
-    mean = np.sum(apart, axis=0, where=both) / np.maximum(count, 1)
-    variance = np.sum(np.square(apart - mean), axis=0, where=both) / np.maximum(count, 1)
-    rare = count < min(10, len(frames) / 4)
-    mean[rare], variance[rare] = np.inf, np.inf
+    mean, variance = np.full((2, trusted.shape[1], trusted.shape[1]), np.inf)
+    for marker in np.flatnonzero(trusted.any(axis=0)).tolist():
+        frames = spread_out(np.flatnonzero(trusted[:, marker]), N_SAMPLED, 1)
+        both, offsets = trusted[frames], positions[frames] - positions[frames, marker, None]
+        apart, count = np.sqrt(np.square(offsets).sum(axis=2)), both.sum(axis=0)
+        near = count >= min(10, len(frames) / 4)
+        mean[marker, near] = np.sum(apart[:, near], axis=0, where=both[:, near]) / count[near]
+        spread = np.square(apart[:, near] - mean[marker, near])
+        variance[marker, near] = np.sum(spread, axis=0, where=both[:, near]) / count[near]
     return mean, variance
 
 

@@ -175,6 +175,14 @@ def test_markers_that_are_lost_together_at_the_end_do_not_mislead_each_other():
     assert rms((solution.positions - truth)[missing]) < 0.1
 
 
+def test_a_marker_that_is_seldom_seen_is_filled_by_what_was_seen_of_it():
+    truth = body()
+    missing = missing_of([(0, start, start + 49) for start in range(1, 551, 50)] + [(0, 551, 600)])
+    solution = solve(take_of(truth, missing), Params())
+    assert solution.filled[missing].all()
+    assert rms((solution.positions - truth)[missing]) < 1.0
+
+
 def test_a_knee_between_hip_and_ankle_is_found_on_its_circle(rng):
     t = np.arange(900) / RATE
     swing, bend, lean = 0.6 * np.sin(5 * t), 1.0 + 0.8 * np.sin(5 * t + 1) + 0.2 * np.sin(13 * t), 0.3 * np.sin(3 * t)
