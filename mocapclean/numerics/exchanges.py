@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.numerics.rigidity import Rigidity
 from mocapclean.numerics.robust import nan_median
-from mocapclean.numerics.segments import Rigidity
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]

@@ -46,6 +46,16 @@ def _laid(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
     return rotations(moments.transpose(2, 0, 1, 3).reshape(-1, 3, 3)).reshape(len(shapes), n, 3, 3)
 
 
+def lay(shape: Floats, seen: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """The rotations (3, 3, b, F) and centres (3, b, F) that lay shapes (3, b, K) on what is seen (3, b, F, K)."""
+    share = weights / weights.sum(axis=1, keepdims=True)
+    model = share * (shape - (share * shape).sum(axis=2, keepdims=True))
+    centre = (seen @ share[..., None])[..., 0]
+    moments = (seen - centre[..., None]) @ np.moveaxis(model, 0, 2)
+    turn = rotations(np.moveaxis(moments, 0, 2).reshape(-1, 3, 3))
+    return np.moveaxis(turn, 0, 2).reshape(3, 3, *moments.shape[1:3]), centre
+
+
 def rotations(moments: Floats) -> Floats:
     """The rotations R (n, 3, 3), det R = 1, that maximise tr(Rᵀ H) for matrices H (n, 3, 3).
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.segments import lay, rigidity
+from mocapclean.numerics.rigidity import rigidity
+from mocapclean.numerics.segment_frames import lay
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.simulate.bounds import within
 
@@ -200,7 +201,9 @@ def _segment(scene: _Scene, marker: int) -> Floats:
     partners, weights = rigidity(scene.truth, scene.trusted).partners(marker)
     if len(partners) < 3:
         return np.broadcast_to(np.eye(3), (len(filled), 3, 3))
-    return lay(filled[len(filled) // 2, partners], filled[:, partners], weights)[0]
+    seen = np.moveaxis(filled[:, partners], 2, 0)[:, None]
+    turn, _ = lay(seen[:, :, len(filled) // 2], seen, weights[None])
+    return np.moveaxis(turn[:, :, 0], 2, 0)
 
 
 FAULTS: dict[str, Callable[[_Scene], None]] = {

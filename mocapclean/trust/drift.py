@@ -17,7 +17,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.numerics.robust import nan_median
-from mocapclean.numerics.segments import Step
+from mocapclean.numerics.steps import Step
 from mocapclean.parameters import STRICT
 from mocapclean.records import Finding
 from mocapclean.trust.evidence import LEAST_SCORE, LEAST_STEP, SLIDE_SECONDS, Evidence, surely

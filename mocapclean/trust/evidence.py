@@ -12,8 +12,10 @@ import numpy as np
 
 from mocapclean.numerics import paths
 from mocapclean.numerics.exchanges import Exchange, exchange, exchanges
+from mocapclean.numerics.prediction import Ints, Prediction, complete, predict
+from mocapclean.numerics.rigidity import Rigidity, rigidity
 from mocapclean.numerics.robust import nan_median, nan_quantiles
-from mocapclean.numerics.segments import Ints, Prediction, Rigidity, Step, complete, predict, rigidity
+from mocapclean.numerics.steps import Step
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.runs import column_runs
 
@@ -105,16 +107,18 @@ class Evidence:
         bones = _Bones(np.where(trusted[..., None], positions, np.nan), rigid, self.take.rate)
         usable, slide = trusted, round(SLIDE_SECONDS * self.take.rate)
         steps: tuple[Step, ...] = ()
+        before = usable
         for round_ in range(_ROUNDS):
             filled = complete(positions, usable, rigid)
             guess = predict(filled, usable, rigid, slide=slide if round_ < _ROUNDS - 1 else None)
             holds = _holds(positions, trusted, guess)
             measured = trusted & ~_held(holds, trusted)
             look = _Look(positions, filled, guess, measured, usable, rigid, bones, steps, self.take.rate)
-            before, usable = usable, look.measured & ~look.astray & ~look.bursts
+            earlier, before, usable = before, usable, look.measured & ~look.astray & ~look.bursts
             fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
             found = _standing_out(guess.steps, steps, fresh, look)
-            settled = not found and np.count_nonzero(usable ^ before) <= _SETTLED * usable.size
+            changed = min(np.count_nonzero(usable ^ one) for one in (before, earlier)[: max(1, round_)])
+            settled = not found and changed <= _SETTLED * usable.size
             if settled or np.count_nonzero(usable) < _RUINED * np.count_nonzero(trusted):
                 break
             positions = positions.copy()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mocapclean.numerics.exchanges import exchange, exchanges
-from mocapclean.numerics.segments import rigidity
+from mocapclean.numerics.rigidity import rigidity
 from mocapclean.simulate import perform
 
 

@@ -5,7 +5,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mocapclean.numerics.segments import complete, lay, predict, rigidity
+from mocapclean.numerics.prediction import complete, predict
+from mocapclean.numerics.rigidity import rigidity
+from mocapclean.numerics.segment_frames import lay
 
 
 def kabsch(shape, seen, weights):
@@ -28,7 +30,8 @@ def test_rotations_agree_with_the_svd(seed, n_points, noise):
     turns = Rotation.random(20, random_state=seed).as_matrix()
     seen = shape @ turns.swapaxes(1, 2) + rng.normal(size=(20, 1, 3)) * 500
     seen = seen + rng.normal(size=seen.shape) * noise
-    found, centres = lay(shape, seen, weights)
+    turned, middles = lay(shape.T[:, None], np.moveaxis(seen, 2, 0)[:, None], weights[None])
+    found, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
     np.testing.assert_allclose(found @ found.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(centres, np.einsum("k,fkc->fc", weights / weights.sum(), seen))
     spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
@@ -104,3 +107,21 @@ def test_a_lonely_marker_is_not_predicted(rng):
     usable = np.ones(positions.shape[:2], bool)
     found = predict(positions, usable, rigidity(positions, usable))
     assert not found.known.any()
+
+
+def test_a_marker_is_predicted_alike_among_others_and_alone(rng):
+    positions = body(rng) + rng.normal(size=(300, 8, 3))
+    positions[200:, 4] += 25.0
+    usable = np.ones(positions.shape[:2], bool)
+    usable[:170, 1], usable[::3, 2], usable[40:, 5] = False, False, False
+    rigid = rigidity(positions, usable)
+    together = predict(positions, usable, rigid, slide=20)
+    for marker in range(8):
+        alone = predict(positions, usable, rigid, slide=20, only=np.arange(8) == marker)
+        np.testing.assert_allclose(alone.residual[:, marker], together.residual[:, marker], atol=1e-7)
+        np.testing.assert_allclose(alone.expected[:, marker], together.expected[:, marker], atol=1e-7)
+        (one,), (other,) = (
+            [step for step in found.steps if step.marker == marker] or [None] for found in (alone, together)
+        )
+        assert (one is None) == (other is None)
+        assert one is None or (one.start == other.start and np.isclose(one.score, other.score, rtol=1e-3))

@@ -1,0 +1,114 @@
+"""Ridge regressions of several markers at once, in which rows that nothing explains count little."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mocapclean.numerics.robust import nan_median
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+FLOOR = 0.5
+_FITS = 3
+_PENALTIES = np.logspace(-6, 1, 15)
+_LEAST = 1e-100  # its square is still a number
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The frames (b, T) that b markers are learnt from, in order, and what they count: 0 where a marker has fewer."""
+
+    frames: Ints
+    count: Floats
+
+    @classmethod
+    def of(cls, frames: list[Ints]) -> "Rows":
+        """The rows of so many frames for each marker."""
+        most = max(map(len, frames))
+        filled = np.stack([np.pad(each, (0, most - len(each)), mode="edge") for each in frames])
+        return cls(filled, np.stack([np.arange(most) < len(each) for each in frames]).astype(float))
+
+    @property
+    def number(self) -> Ints:
+        """How many rows (b,) count."""
+        return np.asarray(self.count.sum(axis=1).astype(np.intp))
+
+    def take(self, values: Floats) -> Floats:
+        """The rows (b, T, n) of values (b, F, n)."""
+        return np.take_along_axis(values, self.frames[..., None], axis=1)
+
+    def confidence(self, missed: Floats) -> Floats:
+        """What rows that miss by so much (b, T, 3) count: 1 / (1 + (r / 3s)²)², with the median s of their distances r.
+
+        S. Geman, D. E. McClure, 1985, Bayesian image analysis: an application to single photon emission tomography.
+        """
+        size = np.sqrt(np.einsum("btc,btc->bt", missed, missed))
+        usual = nan_median(np.where(self.count > 0, size, np.nan), axis=1)[:, None]
+        return np.asarray(self.count / (1.0 + (size / (3.0 * usual + FLOOR)) ** 2) ** 2)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Slopes (b, n, 3) and the means of inputs (b, 1, n) and of what is wanted (b, 1, 3)."""
+
+    slopes: Floats
+    mean: Floats
+    middle: Floats
+
+    def at(self, inputs: Floats) -> Floats:
+        """What is expected (b, T, 3) at inputs (b, T, n)."""
+        return np.asarray(inputs @ self.slopes + (self.middle - self.mean @ self.slopes))
+
+
+def regress(inputs: Floats, wanted: Floats, rows: Rows) -> Fit:
+    """Ridge regressions of what is wanted (b, T, 3) on inputs (b, T, n), in which what misses far counts little."""
+    n, weights = inputs.shape[2], rows.count
+    columns = with_ones(inputs, wanted)
+    for _ in range(_FITS):
+        sums, products = moments(weights[..., None] * columns, columns)
+        gram, moment = products[:, :n, :n], products[:, :n, n:-1]
+        energy = np.trace(products[:, n:-1, n:-1], axis1=1, axis2=2)
+        means = sums / sums[:, :, -1:]
+        fit = Fit(slopes(gram, moment, penalty(gram, moment, energy, rows)), means[:, :, :n], means[:, :, n:-1])
+        weights = rows.confidence(wanted - fit.at(inputs))
+    return fit
+
+
+def with_ones(inputs: Floats, wanted: Floats) -> Floats:
+    """Columns (b, T, n + 4): inputs, what is wanted, and 1."""
+    return np.concatenate([inputs, wanted, np.ones((*inputs.shape[:2], 1))], axis=2)
+
+
+def moments(weighted: Floats, columns: Floats) -> tuple[Floats, Floats]:
+    """The sums (b, 1, m) of weighted columns (b, T, m), and their products (b, m, m) about the means.
+
+    The last column is 1.
+    """
+    products = weighted.swapaxes(1, 2) @ columns
+    sums = products[:, -1:].copy()
+    return sums, products - products[:, :, -1:] @ (sums / sums[:, :, -1:])
+
+
+def penalty(gram: Floats, moment: Floats, energy: Floats, rows: Rows) -> Floats:
+    """The penalties (b,) of ridge regressions with Gram matrices (b, n, n), moments (b, n, 3) and energies (b,).
+
+    By generalised cross-validation with a tenth of the rows counted, for neighbouring frames say nearly the same.
+    """
+    values, vectors = np.linalg.eigh(gram)
+    values = np.maximum(values, 0.0)[:, None]
+    penalties = _PENALTIES * np.maximum(values[:, :, -1], _LEAST)
+    shrunk = values + penalties[..., None]
+    freedom = (values / shrunk).sum(axis=2)
+    projected = ((vectors.swapaxes(1, 2) @ moment) ** 2).sum(axis=2)[:, None]
+    gain = (projected * (shrunk + penalties[..., None]) / shrunk**2).sum(axis=2)
+    counted = np.maximum(rows.number / 10.0, 5.0)[:, None]
+    score = (energy[:, None] - gain) / np.maximum(1 - freedom / counted, 0.05) ** 2
+    best = np.argmin(np.where(freedom < 0.95 * counted, score, np.inf), axis=1)
+    return np.asarray(penalties[np.arange(len(best)), best])
+
+
+def slopes(gram: Floats, moment: Floats, penalties: Floats) -> Floats:
+    """The slopes (b, n, k) for moments (b, n, k)."""
+    return np.asarray(np.linalg.solve(gram + penalties[:, None, None] * np.eye(gram.shape[1]), moment))

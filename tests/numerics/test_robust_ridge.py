@@ -1,0 +1,42 @@
+"""Ridge regressions of several markers at once against the same one by one, written out."""
+
+import numpy as np
+
+from mocapclean.numerics.robust_ridge import Rows, moments, penalty, regress, slopes, with_ones
+
+
+def test_the_penalty_has_the_least_score_of_generalised_cross_validation(rng):
+    inputs, wanted = rng.normal(size=(60, 5)), rng.normal(size=(60, 3))
+    wanted += inputs @ rng.normal(size=(5, 3))
+    gram, moment = inputs.T @ inputs, inputs.T @ wanted
+    largest = np.linalg.eigvalsh(gram)[-1]
+    scores = {}
+    for share in np.logspace(-6, 1, 15):
+        hat = inputs @ np.linalg.solve(gram + share * largest * np.eye(5), inputs.T)
+        freedom = np.trace(hat)
+        if freedom < 0.95 * 6:
+            scores[share * largest] = ((wanted - hat @ wanted) ** 2).sum() / max(1 - freedom / 6, 0.05) ** 2
+    rows = Rows.of([np.arange(60)])
+    found = penalty(gram[None], moment[None], np.array([(wanted**2).sum()]), rows)
+    np.testing.assert_allclose(found[0], min(scores, key=scores.get), rtol=1e-9)
+    expected = np.linalg.solve(gram + found[0] * np.eye(5), moment)
+    np.testing.assert_allclose(slopes(gram[None], moment[None], found)[0], expected, rtol=1e-9)
+
+
+def test_moments_are_about_the_weighted_means(rng):
+    columns = with_ones(rng.normal(size=(2, 40, 4)) + 5.0, rng.normal(size=(2, 40, 3)))
+    weights = rng.random((2, 40))
+    sums, products = moments(weights[..., None] * columns, columns)
+    for each, weight, total, found in zip(columns, weights, sums, products, strict=True):
+        centred = each - np.average(each, axis=0, weights=weight)
+        np.testing.assert_allclose(total[0], weight @ each)
+        np.testing.assert_allclose(found, (weight[:, None] * centred).T @ centred, atol=1e-9)
+
+
+def test_rows_that_nothing_explains_count_little(rng):
+    inputs, truth = rng.normal(size=(1, 200, 4)), rng.normal(size=(4, 3))
+    wanted = inputs @ truth + 2.0
+    wanted[0, ::10] += 500.0 * rng.normal(size=(20, 3))
+    fit = regress(inputs, wanted, Rows.of([np.arange(200)]))
+    np.testing.assert_allclose(fit.slopes[0], truth, atol=0.05)
+    np.testing.assert_allclose(fit.at(np.zeros((1, 1, 4)))[0, 0], 2.0, atol=0.1)
