@@ -125,3 +125,9 @@ def test_a_marker_is_predicted_alike_among_others_and_alone(rng):
         )
         assert (one is None) == (other is None)
         assert one is None or (one.start == other.start and np.isclose(one.score, other.score, rtol=1e-3))
+
+
+def test_markers_that_never_move_make_no_steps(rng):
+    positions = np.repeat(rng.normal(size=(1, 8, 3)) * 150, 200, axis=0)
+    usable = np.ones(positions.shape[:2], bool)
+    assert predict(positions, usable, rigidity(positions, usable), slide=20).steps == ()
