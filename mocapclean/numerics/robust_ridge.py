@@ -65,30 +65,21 @@ class Fit:
 def regress(inputs: Floats, wanted: Floats, rows: Rows) -> Fit:
     """Ridge regressions of what is wanted (b, T, 3) on inputs (b, T, n), in which what misses far counts little."""
     n, weights = inputs.shape[2], rows.count
-    columns = with_ones(inputs, wanted)
+    columns = np.concatenate([inputs, wanted], axis=2)
     for _ in range(_FITS):
-        sums, products = moments(weights[..., None] * columns, columns)
-        gram, moment = products[:, :n, :n], products[:, :n, n:-1]
-        energy = np.trace(products[:, n:-1, n:-1], axis1=1, axis2=2)
-        means = sums / sums[:, :, -1:]
-        fit = Fit(slopes(gram, moment, penalty(gram, moment, energy, rows)), means[:, :, :n], means[:, :, n:-1])
+        means, centred = about_means(columns, weights)
+        products = (weights[..., None] * centred).swapaxes(1, 2) @ centred
+        gram, moment = products[:, :n, :n], products[:, :n, n:]
+        penalties = penalty(gram, moment, np.trace(products[:, n:, n:], axis1=1, axis2=2), rows)
+        fit = Fit(slopes(gram, moment, penalties), means[:, :, :n], means[:, :, n:])
         weights = rows.confidence(wanted - fit.at(inputs))
     return fit
 
 
-def with_ones(inputs: Floats, wanted: Floats) -> Floats:
-    """Columns (b, T, n + 4): inputs, what is wanted, and 1."""
-    return np.concatenate([inputs, wanted, np.ones((*inputs.shape[:2], 1))], axis=2)
-
-
-def moments(weighted: Floats, columns: Floats) -> tuple[Floats, Floats]:
-    """The sums (b, 1, m) of weighted columns (b, T, m), and their products (b, m, m) about the means.
-
-    The last column is 1.
-    """
-    products = weighted.swapaxes(1, 2) @ columns
-    sums = products[:, -1:].copy()
-    return sums, products - products[:, :, -1:] @ (sums / sums[:, :, -1:])
+def about_means(columns: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """The means (b, 1, m) of columns (b, T, m) weighted by (b, T), and the columns less them."""
+    means = (weights / weights.sum(axis=1, keepdims=True))[:, None] @ columns
+    return means, columns - means
 
 
 def penalty(gram: Floats, moment: Floats, energy: Floats, rows: Rows) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from mocapclean.numerics.robust_ridge import FLOOR, Rows, moments, penalty, slopes, with_ones
+from mocapclean.numerics.robust_ridge import FLOOR, Rows, about_means, penalty, slopes
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -105,15 +105,14 @@ class _Search:
     """Steps beside ridge regressions of what is wanted (b, T, 3) on inputs (b, T, n)."""
 
     def __init__(self, inputs: Floats, wanted: Floats, rows: Rows) -> None:
-        share = (rows.count / rows.count.sum(axis=1, keepdims=True))[:, None]
-        self.inputs, self.wanted = inputs - share @ inputs, wanted - share @ wanted
-        self.columns, self.rows = with_ones(self.inputs, self.wanted), rows
+        self.n, self.rows = inputs.shape[2], rows
+        self.columns = np.concatenate([inputs, wanted], axis=2)
         self.index = np.arange(rows.count.shape[1])
 
     def without(self) -> "_StepFit":
         """No step at all."""
-        n = len(self.wanted)
-        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, self.wanted, np.ones(n))
+        n = len(self.columns)
+        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, self.columns[:, :, self.n :], np.ones(n))
 
     def fit(self, starts: Ints, last: _StepFit) -> _StepFit:
         """The best of the steps from starts (b, k) on, with the weights of the last fit.
@@ -122,17 +121,18 @@ class _Search:
         for it: S are the slopes of y on x, and the room is what x does not explain of the step. The penalty is the best
         one when the last step is taken away.
         """
-        n, each = self.inputs.shape[2], np.arange(len(starts))
-        weighted = last.weights[..., None] * self.columns
-        sums, products = moments(weighted, self.columns)
-        heads = np.cumsum(weighted, axis=1, out=weighted)
-        tails = sums - np.take_along_axis(heads, np.column_stack([last.start, starts])[..., None] - 1, axis=1)
-        after, total = tails[:, :, -1:], sums[:, :, -1:]
-        spread = (after * (1.0 - after / total))[..., 0]
-        tails = (tails - after * (sums / total))[:, :, :-1]
-        gram, moment = products[:, :n, :n], products[:, :n, n:-1]
+        n, each, weights = self.n, np.arange(len(starts)), last.weights
+        _, centred = about_means(self.columns, weights)
+        weighted = weights[..., None] * centred
+        products = weighted.swapaxes(1, 2) @ centred
+        before = np.column_stack([last.start, starts])
+        tails = -np.take_along_axis(np.cumsum(weighted, axis=1, out=weighted), before[..., None] - 1, axis=1)
+        total = weights.sum(axis=1, keepdims=True)
+        after = total - np.take_along_axis(np.cumsum(weights, axis=1), before - 1, axis=1)
+        spread = after * (1.0 - after / total)
+        gram, moment = products[:, :n, :n], products[:, :n, n:]
         taken = tails[:, :1].swapaxes(1, 2) @ last.offset[:, None]
-        energy = np.trace(products[:, n:-1, n:-1] - 2.0 * taken[:, n:], axis1=1, axis2=2)
+        energy = np.trace(products[:, n:, n:] - 2.0 * taken[:, n:], axis1=1, axis2=2)
         energy += spread[:, 0] * (last.offset**2).sum(axis=1)
         penalties = penalty(gram, moment - taken[:, :n], energy, self.rows)
         (own, said), spread = np.split(tails[:, 1:], [n], axis=2), spread[:, 1:]
@@ -141,9 +141,11 @@ class _Search:
         room = np.maximum(spread - np.einsum("bkn,bnk->bk", own, found[:, :, 3:]), _ROOM)
         best = np.argmax(np.einsum("bkc,bkc->bk", said, said) / room, axis=1)
         start, room, offset = starts[each, best], room[each, best], said[each, best] / room[each, best, None]
-        left = self.wanted - self.inputs @ (found[:, :, :3] - found[each, :, 3 + best, None] * offset[:, None])
+        left = centred[:, :, n:] - centred[:, :, :n] @ (
+            found[:, :, :3] - found[each, :, 3 + best, None] * offset[:, None]
+        )
         left -= (self.index >= start[:, None])[..., None] * offset[:, None]
-        left -= (last.weights[:, None] @ left) / total
+        left -= (weights[:, None] @ left) / total[..., None]
         return _StepFit(start, offset, self.rows.confidence(left), left, room)
 
 
