@@ -71,7 +71,7 @@ def predict(
         wanted = np.moveaxis(_into(paths[:, markers] - centre, turn), 0, 2)
         learnt = rows.take(inputs), rows.take(wanted), rows
         guess = regress(*learnt).at(inputs)
-        steps += [] if slide is None else steps_of(markers, *learnt, slide)
+        steps += [] if slide is None else steps_of(markers, *learnt, min(slide, n_frames))
         residual[:, markers] = (wanted - guess).swapaxes(0, 1)
         rotation[:, markers] = np.moveaxis(turn, (2, 3), (1, 0))
         expected[:, markers] = np.moveaxis(_out_of(np.moveaxis(guess, 2, 0), turn) + centre, (0, 2), (2, 0))

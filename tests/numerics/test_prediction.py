@@ -131,3 +131,9 @@ def test_markers_that_never_move_make_no_steps(rng):
     positions = np.repeat(rng.normal(size=(1, 8, 3)) * 150, 200, axis=0)
     usable = np.ones(positions.shape[:2], bool)
     assert predict(positions, usable, rigidity(positions, usable), slide=20).steps == ()
+
+
+def test_a_slide_may_be_longer_than_any_take(rng):
+    positions = body(rng)
+    usable = np.ones(positions.shape[:2], bool)
+    predict(positions, usable, rigidity(positions, usable), slide=10**40)
