@@ -4,6 +4,7 @@ A step is added to the regression of a marker on those around it, and the frame 
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +20,16 @@ _CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
 _BETWEEN, _BELIEVED = 0.1, 0.4
 _LONGEST_LAG = 200
 _ROOM = 1e-9
+_SHARE = 1e-9
 
 
 @dataclass(frozen=True)
 class Step:
     """From frame ``start`` on a marker sits ``offset`` (3,) mm from where it sat, in its segment's frame.
 
-    score: the size of the step over its standard error. sudden: whether it is made within a frame. bends: whether it
-    changes a length that is constant otherwise.
+    score: the size of the step over its standard error, as the noise is in its direction. sudden: whether it is made
+    within a frame. bends: whether it changes a length that is constant otherwise. agreed: whether the distances to
+    rigid partners change as it says.
     """
 
     marker: int
@@ -35,6 +38,7 @@ class Step:
     score: float
     sudden: bool = False
     bends: bool = False
+    agreed: bool = False
 
 
 def steps_of(markers: Ints, inputs: Floats, wanted: Floats, rows: Rows, slide: int) -> list[Step]:
@@ -73,22 +77,27 @@ def steps_of(markers: Ints, inputs: Floats, wanted: Floats, rows: Rows, slide: i
 
 @dataclass(frozen=True)
 class _StepFit:
-    """From which rows (b,) on there are offsets (b, 3), what the rows (b, T) count, what is left of them (b, T, 3), and
-    the room (b,) that the inputs leave for a step.
+    """From which rows (b,) on there are offsets (b, 3), what the rows (b, T) count, what is left of them, weighted
+    (b, T, 3), and the room (b,) that the inputs leave for a step.
     """
 
     start: Ints
     offset: Floats
     weights: Floats
-    left: Floats
+    noise: Floats
     room: Floats
+
+    @cached_property
+    def variance(self) -> Floats:
+        """The variance (b, 3, 3) of the noise, in no direction less than a share of all of it, or than a floor."""
+        variance = self.noise.swapaxes(1, 2) @ self.noise / self.weights.sum(axis=1)[:, None, None]
+        least = FLOOR**2 / 3.0 + _SHARE * np.trace(variance, axis1=1, axis2=2)
+        return np.asarray(variance + least[:, None, None] * np.eye(3))
 
     def score(self, n_rows: Ints) -> Floats:
         """The sizes (b,) of the offsets over their standard errors."""
-        noise = self.weights[..., None] * self.left
-        variance = (noise**2).sum(axis=(1, 2)) / self.weights.sum(axis=1) + FLOOR**2
-        errors = np.sqrt(variance * _correlation_times(noise, n_rows) / self.room)
-        return np.asarray(np.linalg.norm(self.offset, axis=1) / errors)
+        surprise = np.einsum("bc,bc->b", self.offset, np.linalg.solve(self.variance, self.offset[..., None])[..., 0])
+        return np.asarray(np.sqrt(surprise / 3.0 * self.room / _correlation_times(self.noise, n_rows)))
 
 
 def _believed(fit: _StepFit, slides: Ints, rows: Rows) -> Bools:
@@ -110,16 +119,17 @@ class _Search:
         self.index = np.arange(rows.count.shape[1])
 
     def without(self) -> "_StepFit":
-        """No step at all."""
+        """No step at all, beside noise that is the same in all directions."""
         n = len(self.columns)
-        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, self.columns[:, :, self.n :], np.ones(n))
+        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, np.tile(np.eye(3), (n, 1, 1)), np.ones(n))
 
     def fit(self, starts: Ints, last: _StepFit) -> _StepFit:
         """The best of the steps from starts (b, k) on, with the weights of the last fit.
 
         With tails T, the sums of what is weighted and centred from a row on, an offset is T(y) - T(x) S over the room
-        for it: S are the slopes of y on x, and the room is what x does not explain of the step. The penalty is the best
-        one when the last step is taken away.
+        for it: S are the slopes of y on x, and the room is what x does not explain of the step. A direction counts by
+        the noise that the last fit left in it, for most markers are predicted worse in one. The penalty is the best one
+        when the last step is taken away.
         """
         n, each, weights = self.n, np.arange(len(starts)), last.weights
         _, centred = about_means(self.columns, weights)
@@ -139,14 +149,16 @@ class _Search:
         found = slopes(gram, np.concatenate([moment, own.swapaxes(1, 2)], axis=2), penalties)
         said = said - own @ found[:, :, :3]
         room = np.maximum(spread - np.einsum("bkn,bnk->bk", own, found[:, :, 3:]), _ROOM)
-        best = np.argmax(np.einsum("bkc,bkc->bk", said, said) / room, axis=1)
+        counts = np.linalg.solve(last.variance, said.swapaxes(1, 2))
+        best = np.argmax(np.einsum("bkc,bck->bk", said, counts) / room, axis=1)
         start, room, offset = starts[each, best], room[each, best], said[each, best] / room[each, best, None]
         left = centred[:, :, n:] - centred[:, :, :n] @ (
             found[:, :, :3] - found[each, :, 3 + best, None] * offset[:, None]
         )
         left -= (self.index >= start[:, None])[..., None] * offset[:, None]
         left -= (weights[:, None] @ left) / total[..., None]
-        return _StepFit(start, offset, self.rows.confidence(left), left, room)
+        weights = self.rows.confidence(left)
+        return _StepFit(start, offset, weights, weights[..., None] * left, room)
 
 
 def _correlation_times(noise: Floats, n_rows: Ints) -> Floats:
