@@ -7,12 +7,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mocapclean.formats import c3d, read, write
+from mocapclean.numerics.prediction import predict
+from mocapclean.numerics.rigidity import rigidity
 from mocapclean.records import Finding, Take
 from mocapclean.repair import fill
 from mocapclean.simulate import inject, perform
 from mocapclean.skeleton import move
 from mocapclean.trust import RULES, _united, detect
-from mocapclean.trust.evidence import Evidence
+from mocapclean.trust.evidence import LEAST_SCORE, Evidence
 
 ON = tuple(name for name, module in RULES.items() if getattr(module.Params(), "enabled", True))
 FINDS = {"swap": "swap", "frozen": "frozen", "drift": "drift", "flicker": "flicker", "spike": "spike", "jump": "jump"}
@@ -22,6 +24,15 @@ FINDS = {"swap": "swap", "frozen": "frozen", "drift": "drift", "flicker": "flick
 def box():
     """Markers of five seconds of boxing at 120 Hz, all trusted."""
     return perform("boxing", 5.0, 120.0, 2).markers
+
+
+@pytest.fixture(scope="module")
+def joints():
+    """The joints of the same boxing, whose bones keep their length."""
+    boxing = perform("boxing", 5.0, 120.0, 2)
+    positions = move(boxing.asf, boxing.asf_poses).positions
+    trusted = np.ones(positions.shape[:2], dtype=bool)
+    return Take(positions=positions, trusted=trusted, markers=boxing.asf.names, rate=120.0)
 
 
 @pytest.fixture(scope="module")
@@ -198,14 +209,11 @@ def test_what_goes_and_comes_back_is_the_jump_even_if_it_lasts_longer(box, start
     assert np.count_nonzero(distrusted) <= stop - start + 4
 
 
-def test_bones_tell_a_drift_from_its_echoes():
-    boxing = perform("boxing", 5.0, 120.0, 2)
-    joints = move(boxing.asf, boxing.asf_poses).positions
-    take = Take(positions=joints, trusted=np.ones(joints.shape[:2], dtype=bool), markers=boxing.asf.names, rate=120.0)
-    injected = inject(take, np.random.default_rng(8), ["drift"], rate=1e-9, size=4.0)
+def test_bones_tell_a_drift_from_its_echoes(joints):
+    injected = inject(joints, np.random.default_rng(8), ["drift"], rate=1e-9, size=4.0)
     (event,) = injected.events
     distrusted, (finding,) = ruled(injected.take, "drift")
-    assert finding.marker == take.markers[event.markers[0]]
+    assert finding.marker == joints.markers[event.markers[0]]
     assert (distrusted & injected.faulty).sum() >= 0.9 * injected.faulty.sum()
 
 
@@ -217,6 +225,71 @@ def test_a_slide_is_part_of_the_drift(box):
     distrusted, _ = ruled(moved(box, positions=positions), "drift")
     assert distrusted[315:, marker].all()
     assert not distrusted[:300].any()
+
+
+def test_noise_in_one_direction_hides_no_drift_in_another(box):
+    marker, time = box.markers.index("LTHI"), np.arange(len(box.positions))
+    noise = sum(np.sin(2 * np.pi * time / period + phase) for period, phase in ((47, 0.3), (71, 1.1), (113, 2.0)))
+    noisy = box.positions.copy()
+    noisy[:, marker] += 3.0 * noise[:, None] * [0.0, 0.0, 1.0]
+    scores = []
+    for direction in ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
+        positions = noisy.copy()
+        positions[300:, marker] += 40.0 * np.array(direction)
+        only = np.arange(len(box.markers)) == marker
+        (step,) = predict(positions, box.trusted, rigidity(positions, box.trusted), slide=60, only=only).steps
+        assert step.start == 300
+        scores.append(step.score)
+    assert scores[0] >= 1.5 * scores[1]
+
+
+@pytest.mark.parametrize(("name", "size"), [("LTHI", 1.6), ("RFHD", 1.2)])
+def test_distances_that_agree_make_up_for_noise(box, name, size):
+    positions, marker = box.positions.copy(), box.markers.index(name)
+    time = np.arange(len(positions))[:, None]
+    noise = sum(np.sin(2 * np.pi * time / period + period * np.arange(1, 4)) for period in (47, 71, 113))
+    share = np.clip((time - 300) / 50, 0.0, 1.0)
+    positions[:, marker] += size * noise + 20.0 * share * [0.0, 0.6, 0.8]
+    (step,) = Evidence(moved(box, positions=positions)).study.steps
+    assert step.agreed
+    assert step.score < LEAST_SCORE
+    assert ruled(moved(box, positions=positions), "drift")[0][350:, marker].all()
+
+
+@pytest.mark.parametrize("n_frames", [170, 250])
+@pytest.mark.parametrize("name", ["thorax", "lfoot", "lradius"])
+def test_bones_tell_a_drift_near_the_end_of_a_short_take(joints, n_frames, name):
+    take = joints.crop(0, n_frames)
+    positions, marker = take.positions.copy(), take.markers.index(name)
+    share = np.clip((np.arange(n_frames) - n_frames + 45) / 20, 0.0, 1.0)
+    positions[:, marker] += share[:, None] * [10.0, 10.0, 14.0]
+    distrusted, _ = ruled(moved(take, positions=positions), "drift")
+    assert distrusted[-30:, marker].all()
+    assert not np.delete(distrusted, marker, axis=1).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "jump", "start"), [("LTHI", (250, 290), 340), ("LSHO", (220, 280), 380), ("RFHD", (250, 300), 360)]
+)
+def test_a_jump_shortly_before_hides_no_drift(box, name, jump, start):
+    positions, marker = box.positions.copy(), box.markers.index(name)
+    positions[slice(*jump), marker] += [0.0, 24.0, -32.0]
+    positions[start:, marker] += [0.0, 16.0, 12.0]
+    distrusted, _ = ruled(moved(box, positions=positions), "drift")
+    assert distrusted[start:, marker].all()
+    assert not distrusted[:start].any()
+
+
+@pytest.mark.parametrize(("name", "first"), [("lclavicle", 250), ("rclavicle", 250), ("rclavicle", 215)])
+def test_a_straying_partner_hides_no_drift_that_bends_other_bones(joints, name, first):
+    take = joints.crop(0, 360)
+    positions, marker = take.positions.copy(), take.markers.index("thorax")
+    positions[first:340, take.markers.index(name)] += [-90.0, 90.0, 100.0]
+    share = np.clip((np.arange(360) - 262) / 33, 0.0, 1.0)
+    positions[:, marker] += share[:, None] * [40.0, 40.0, 56.0]
+    distrusted, _ = ruled(moved(take, positions=positions), "drift")
+    assert distrusted[295:, marker].all()
+    assert not np.delete(distrusted, marker, axis=1).any()
 
 
 def test_outliers_are_the_sparse_part_of_a_low_rank_model(box):

@@ -1,13 +1,17 @@
 """Drift: from some frame on a marker sits elsewhere in its segment, because it slid or was put back.
 
 A step is added to the regression of the marker on those around it, at once or with up to half a second of sliding left
-out; it must be 15 mm and 10 standard errors (6 where it bends a bone or is a break), most of what comes before and
-after it must agree with it, and the path of the marker must not cost more without it. Below 20 standard errors a slide
-must also explain a fifth of how the distances to the five closest partners change. Where bones hold the marker, one
-must bend, and if it is but one, no other of a marker at its other end that may have stepped as well. Of partners that
-step at the same time the one with the surest step is at fault. What comes after the step is distrusted, for the first
-place is taken for the right one, unless less than 15 % of the marker's frames come before it; so is the slide that
-leads to it, while the marker is 3 mm, and 3 times what is usual for it, on its way.
+out, by generalised least squares: noise in one direction hides no step in another. It must be 15 mm and 10 standard
+errors; 8 where it explains half of how the distances to the five closest partners change, most of which keep theirs to
+10 mm, and 6 where it bends a bone or is a break. Most of what comes before and after it must agree with it, and the
+path of the marker must not cost more without it. Below 20 standard errors a slide must also bend two bones, or explain
+a fifth of the changed distances. Where bones hold the marker, one must bend, and if it is but one, no other of a
+marker at its other end that may have stepped as well. What strays of a marker, or of those around it, makes a step
+wait for the next round, unless it bends two bones to others; what strays only while a sure step is in the path is
+kept. Of partners that step at the same time, as their bones allow, the one with the surest step is at fault. What
+comes after the step is distrusted, for the first place is taken for the right one, unless less than 15 % of the
+marker's frames come before it; so is the slide that leads to it, while the marker is 3 mm, and 3 times what is usual
+for it, on its way.
 """
 
 from typing import Annotated
@@ -35,7 +39,8 @@ class Params(Switch):
     surely: Annotated[
         float,
         Field(
-            ge=LEAST_SCORE, description="1, that over its standard error; 0.6 of it if a bone bends or the path breaks"
+            ge=LEAST_SCORE,
+            description="1, that over its standard error; 0.8 of it if distances agree, 0.6 if a bone bends or a break",
         ),
     ] = LEAST_SCORE
 

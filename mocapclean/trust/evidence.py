@@ -24,11 +24,12 @@ _ROUNDS, _SETTLED, _RUINED = 5, 5e-4, 0.9
 _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
 _CONFIRMED, _SLACK = 0.2, 3.0
+_AGREED, _KEPT = 0.5, 10.0
 _RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
 _BENT, _BENT_SECONDS = 0.5, 2.0
 _STILL = 0.005
 _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
-LEAST_STEP, LEAST_SCORE, _SURER = 15.0, 10.0, 0.6
+LEAST_STEP, LEAST_SCORE, _SURE, _SURER, _SURELY = 15.0, 10.0, 0.8, 0.6, 2.0
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
 _STEP_SECONDS, _END_SECONDS = 1.25, 0.5
@@ -114,9 +115,13 @@ class Evidence:
             holds = _holds(positions, trusted, guess)
             measured = trusted & ~_held(holds, trusted)
             look = _Look(positions, filled, guess, measured, usable, rigid, bones, steps, self.take.rate)
+            clear = _clear(guess.steps, look)
+            able = [step for step in clear if all(step.marker != old.marker for old in steps) and look.explains(step)]
+            for step in able:
+                look.spare(step)
             earlier, before, usable = before, usable, look.measured & ~look.astray & ~look.bursts
             fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
-            found = _standing_out(guess.steps, steps, fresh, look)
+            found = _standing_out(able, clear, steps, fresh, look)
             changed = min(np.count_nonzero(usable ^ one) for one in (before, earlier)[: max(1, round_)])
             settled = not found and changed <= _SETTLED * usable.size
             if settled or np.count_nonzero(usable) < _RUINED * np.count_nonzero(trusted):
@@ -177,7 +182,7 @@ class _Look:
         """A step as its path and its bones show it.
 
         It is made at the frame near it at which the residual makes most of it at once, if any makes half of it; it is
-        sudden where that is a break.
+        sudden where that is a break. Distances have a say where most of the closest partners keep theirs to 10 mm.
         """
         size, low = float(np.linalg.norm(step.offset)), max(1, step.start - _SNAP)
         path = self.residual[low - 1 : step.start + _SNAP + 1, step.marker]
@@ -185,16 +190,22 @@ class _Look:
         if rises.max(initial=0.0) > size / 2:
             start = low + int(np.argmax(rises))
             step = replace(step, start=start, sudden=bool(self.breaks[start, step.marker]))
-        return replace(step, bends=bool(self.bones.bent(step.marker, step.start).size))
+        kept = np.median(self.rigid.spread[step.marker, self.rigid.partners(step.marker)[0][:_CLOSEST]]) <= _KEPT
+        bends = bool(self.bones.bent(step.marker, step.start).size)
+        return replace(step, bends=bends, agreed=bool(kept) and self.agrees(step) >= _AGREED)
 
     def explains(self, step: Step) -> bool:
         """Whether the marker's path costs no more with a step taken out than with it."""
-        later = np.arange(len(self.measured)) >= step.start
-        residual = self.residual[:, step.marker] - later[:, None] * step.offset
-        breaks = self.breaks[:, step.marker].copy()
-        self._forgive(breaks, step)
-        *_, cost = self._path(step.marker, self.positions[:, step.marker], residual, breaks)
-        return cost <= float(self.costs[step.marker])
+        return self._without(step)[2] <= float(self.costs[step.marker])
+
+    def spare(self, step: Step) -> None:
+        """Take for astray only what is so with a step taken out, if it is sure and the path is cheaper and as long."""
+        off, within, cost = self._without(step)
+        lost = (off > 0) & (self.deviation[:, step.marker] == 0)
+        lost[within] = False
+        if step.score >= _SURELY * LEAST_SCORE and cost < self.costs[step.marker] and not lost.any():
+            self.astray[:, step.marker] = False
+            self.astray[within, step.marker] = off[within] > 0
 
     def remains(self, other: Step, without: Step) -> float:
         """The score of a marker's step at about the same time after another one is taken out."""
@@ -223,6 +234,13 @@ class _Look:
         """Whether two steps are made at about the same time."""
         return abs(one.start - other.start) <= _SNAP + _SAME_STEP * len(self.measured)
 
+    def _without(self, step: Step) -> tuple[Floats, slice, float]:
+        """The path of a step's marker with the step taken out."""
+        residual, breaks = self.residual[:, step.marker].copy(), self.breaks[:, step.marker].copy()
+        residual[step.start :] -= step.offset
+        self._forgive(breaks, step)
+        return self._path(step.marker, self.positions[:, step.marker], residual, breaks)
+
     def _path(self, marker: int, positions: Floats, residual: Floats, breaks: Bools) -> tuple[Floats, slice, float]:
         rest = self.threshold[:, marker], self.usable[:, marker]
         return paths.deviations(positions, residual, breaks, *rest, *self.tolls)
@@ -235,7 +253,7 @@ class _Look:
 class _Bones:
     """Which partners keep their distance, and when they cease to: positions (F, M, 3), NaN where not trusted.
 
-    Those do that are at the same distance half a second later in three of four cases, so that a step hides no bone.
+    Those do that are at the same distance half a second later in three of four cases, the frames about a step aside.
     """
 
     def __init__(self, positions: Floats, rigid: Rigidity, rate: float) -> None:
@@ -244,22 +262,28 @@ class _Bones:
             max(1, round(seconds * rate)) for seconds in (_RIGID_SECONDS, SLIDE_SECONDS / 2, _BENT_SECONDS)
         )
         self.lag, self.around = min(self.lag, len(positions) // 2), self.around + _SNAP
-        self.ends = dict[int, Ints]()
+        self.ends = dict[tuple[int, int], Ints]()
 
-    def of(self, marker: int) -> Ints:
-        """The other ends of a marker's bones."""
-        if marker not in self.ends:
+    def of(self, marker: int, frame: int) -> Ints:
+        """The other ends of a marker's bones, whatever happens to them about a frame."""
+        if (marker, frame) not in self.ends:
             partners = self.rigid.partners(marker)[0]
             apart = self._apart(marker, partners)
-            often = nan_quantiles(np.abs(apart[self.lag :] - apart[: -self.lag]), (_OFTEN,))[0]
-            self.ends[marker] = partners[often <= _RIGID]
-        return self.ends[marker]
+            changes = np.abs(apart[self.lag :] - apart[: -self.lag])
+            changes[max(0, frame - self.around - self.lag) : frame + self.around] = np.nan
+            often = nan_quantiles(changes, (_OFTEN,))[0]
+            self.ends[marker, frame] = partners[often <= _RIGID]
+        return self.ends[marker, frame]
 
     def bent(self, marker: int, frame: int) -> Ints:
-        """The other ends of the bones of a marker whose median length changes about a frame."""
-        ends = self.of(marker)
-        apart, first = self._apart(marker, ends), max(0, frame - self.around)
-        before, after = apart[max(0, first - self.window) : first], apart[frame + self.around :][: self.window]
+        """The other ends of the bones of a marker whose median length changes about a frame.
+
+        What lies within the time of a slide of it is left out, or the nearer half of what there is.
+        """
+        ends = self.of(marker, frame)
+        apart = self._apart(marker, ends)
+        first, last = frame - min(self.around, frame // 2), frame + min(self.around, (len(apart) - frame) // 2)
+        before, after = apart[max(0, first - self.window) : first], apart[last:][: self.window]
         return ends[np.abs(nan_median(after) - nan_median(before)) > _BENT] if len(before) and len(after) else ends[:0]
 
     def allow(self, step: Step, stepped: list[int], stepping: list[int]) -> bool:
@@ -269,7 +293,7 @@ class _Bones:
         """
         bent = [end for end in self.bent(step.marker, step.start).tolist() if end not in stepped]
         alone = len(bent) == 1 and (bent[0] not in stepping or len(self.bent(bent[0], step.start)) <= 1)
-        return not len(self.of(step.marker)) or len(bent) > 1 or alone
+        return not len(self.of(step.marker, step.start)) or len(bent) > 1 or alone
 
     def _apart(self, marker: int, ends: Ints) -> Floats:
         return np.asarray(np.linalg.norm(self.positions[:, ends] - self.positions[:, [marker]], axis=2))
@@ -306,27 +330,26 @@ def _held(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
     return mask
 
 
-def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools, look: _Look) -> list[Step]:
-    """The steps that stand out, best first.
+def _clear(steps: tuple[Step, ...], look: _Look) -> list[Step]:
+    """The steps, surest first, that are large and sure enough."""
+    large = (step for step in steps if np.linalg.norm(step.offset) >= LEAST_STEP)
+    seen = (look.seen(step) for step in large if step.score >= _SURER * LEAST_SCORE)
+    return sorted((step for step in seen if step.score >= surely(step)), key=lambda step: -step.score)
 
-    A step waits while its marker, or one that it is measured by, has fresh (M,) strays. Of partners that step at the
-    same time the surest goes first, unless it is an echo; the echoes of it are gone in the next round.
+
+def _standing_out(
+    able: list[Step], clear: list[Step], known: tuple[Step, ...], fresh: Bools, look: _Look
+) -> list[Step]:
+    """Which of the steps that are able to stand out, best first; clear: all that are sure enough.
+
+    Of partners that step at the same time, where their bones allow it, the surest goes first, unless it is an echo;
+    the echoes of it are gone in the next round.
     """
     chosen: list[Step] = []
-    seen = [look.seen(step) for step in steps]
-    clear = [step for step in seen if step.score >= surely(step) and np.linalg.norm(step.offset) >= LEAST_STEP]
-    for step in sorted(clear, key=lambda step: -step.score):
-        if (
-            fresh[[step.marker, *look.rigid.partners(step.marker)[0][:_CLOSEST]]].any()
-            or any(step.marker == old.marker for old in known)
-            or not look.explains(step)
-            or not (step.sudden or step.score >= 2 * LEAST_SCORE or look.agrees(step) >= _CONFIRMED)
-            or not look.bones.allow(
-                step, *([one.marker for one in of if look.near(one, step)] for of in (known, clear))
-            )
-        ):
+    for step in able:
+        if _waits(step, fresh, look) or not _borne_out(step, look) or not _allowed(step, clear, known, look):
             continue
-        tied = [other for other in clear if _tied(step, other, look)]
+        tied = [other for other in clear if _tied(step, other, look) and _allowed(other, clear, known, look)]
         if any(other.marker == old.marker for other in tied for old in chosen):
             continue
         if not any(_echoes(step, other, look) for other in tied):
@@ -334,9 +357,31 @@ def _standing_out(steps: tuple[Step, ...], known: tuple[Step, ...], fresh: Bools
     return chosen
 
 
+def _waits(step: Step, fresh: Bools, look: _Look) -> bool:
+    """Whether fresh (M,) strays of its marker, or of those that measure it, may make up a step.
+
+    They do not make up two bones to others that change.
+    """
+    firm = ~fresh[look.bones.bent(step.marker, step.start)]
+    near = [step.marker, *look.rigid.partners(step.marker)[0][:_CLOSEST]]
+    return bool(firm.sum() < 2 and fresh[near].any())
+
+
+def _borne_out(step: Step, look: _Look) -> bool:
+    """Whether a step is seen in the path, in two bones or in the distances to partners, or is sure enough without."""
+    sure = step.sudden or step.score >= _SURELY * LEAST_SCORE
+    return sure or len(look.bones.bent(step.marker, step.start)) > 1 or look.agrees(step) >= _CONFIRMED
+
+
+def _allowed(step: Step, clear: list[Step], known: tuple[Step, ...], look: _Look) -> bool:
+    """Whether the bones allow a step, with what has stepped or may step at the same time."""
+    stepped, stepping = ([one.marker for one in of if look.near(one, step)] for of in (known, clear))
+    return look.bones.allow(step, stepped, stepping)
+
+
 def surely(step: Step, least: float = LEAST_SCORE) -> float:
-    """The least score of a step, less where it bends a bone or breaks the path at once."""
-    return least * (_SURER if step.bends or step.sudden else 1.0)
+    """The least score of a step, less where something else than the regression shows it as well."""
+    return least * (_SURER if step.bends or step.sudden else _SURE if step.agreed else 1.0)
 
 
 def _echoes(step: Step, other: Step, look: _Look) -> bool:
