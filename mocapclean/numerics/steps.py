@@ -4,7 +4,6 @@ A step is added to the regression of a marker on those around it, and the frame 
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,16 +86,11 @@ class _StepFit:
     noise: Floats
     room: Floats
 
-    @cached_property
-    def variance(self) -> Floats:
-        """The variance (b, 3, 3) of the noise, in no direction less than a share of all of it, or than a floor."""
-        variance = self.noise.swapaxes(1, 2) @ self.noise / self.weights.sum(axis=1)[:, None, None]
-        least = FLOOR**2 / 3.0 + _SHARE * np.trace(variance, axis1=1, axis2=2)
-        return np.asarray(variance + least[:, None, None] * np.eye(3))
-
     def score(self, n_rows: Ints) -> Floats:
         """The sizes (b,) of the offsets over their standard errors."""
-        surprise = np.einsum("bc,bc->b", self.offset, np.linalg.solve(self.variance, self.offset[..., None])[..., 0])
+        variance = self.noise.swapaxes(1, 2) @ self.noise / self.weights.sum(axis=1)[:, None, None]
+        against = np.linalg.solve(_floored(variance), self.offset[..., None])[..., 0]
+        surprise = np.einsum("bc,bc->b", self.offset, against)
         return np.asarray(np.sqrt(surprise / 3.0 * self.room / _correlation_times(self.noise, n_rows)))
 
 
@@ -119,17 +113,16 @@ class _Search:
         self.index = np.arange(rows.count.shape[1])
 
     def without(self) -> "_StepFit":
-        """No step at all, beside noise that is the same in all directions."""
+        """No step at all."""
         n = len(self.columns)
-        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, np.tile(np.eye(3), (n, 1, 1)), np.ones(n))
+        return _StepFit(self.rows.number, np.zeros((n, 3)), self.rows.count, self.columns[:, :, self.n :], np.ones(n))
 
     def fit(self, starts: Ints, last: _StepFit) -> _StepFit:
         """The best of the steps from starts (b, k) on, with the weights of the last fit.
 
         With tails T, the sums of what is weighted and centred from a row on, an offset is T(y) - T(x) S over the room
         for it: S are the slopes of y on x, and the room is what x does not explain of the step. A direction counts by
-        the noise that the last fit left in it, for most markers are predicted worse in one. The penalty is the best one
-        when the last step is taken away.
+        the noise in it, for most markers are predicted worse in one. Noise and penalty are those without the last step.
         """
         n, each, weights = self.n, np.arange(len(starts)), last.weights
         _, centred = about_means(self.columns, weights)
@@ -141,24 +134,31 @@ class _Search:
         after = total - np.take_along_axis(np.cumsum(weights, axis=1), before - 1, axis=1)
         spread = after * (1.0 - after / total)
         gram, moment = products[:, :n, :n], products[:, :n, n:]
-        taken = tails[:, :1].swapaxes(1, 2) @ last.offset[:, None]
-        energy = np.trace(products[:, n:, n:] - 2.0 * taken[:, n:], axis1=1, axis2=2)
-        energy += spread[:, 0] * (last.offset**2).sum(axis=1)
-        penalties = penalty(gram, moment - taken[:, :n], energy, self.rows)
+        taken, size = tails[:, :1].swapaxes(1, 2) @ last.offset[:, None], last.offset * spread[:, :1]
+        rest, energy = moment - taken[:, :n], products[:, n:, n:] - taken[:, n:] - taken[:, n:].swapaxes(1, 2)
+        energy = energy + size[:, :, None] * last.offset[:, None]
+        penalties = penalty(gram, rest, np.trace(energy, axis1=1, axis2=2), self.rows)
         (own, said), spread = np.split(tails[:, 1:], [n], axis=2), spread[:, 1:]
-        found = slopes(gram, np.concatenate([moment, own.swapaxes(1, 2)], axis=2), penalties)
-        said = said - own @ found[:, :, :3]
-        room = np.maximum(spread - np.einsum("bkn,bnk->bk", own, found[:, :, 3:]), _ROOM)
-        counts = np.linalg.solve(last.variance, said.swapaxes(1, 2))
+        found = slopes(gram, np.concatenate([moment, rest, own.swapaxes(1, 2)], axis=2), penalties)
+        of_wanted, of_rest, of_steps = np.split(found, [3, 6], axis=2)
+        shared = of_rest.swapaxes(1, 2) @ rest
+        noise = energy - shared - shared.swapaxes(1, 2) + of_rest.swapaxes(1, 2) @ gram @ of_rest
+        said = said - own @ of_wanted
+        room = np.maximum(spread - np.einsum("bkn,bnk->bk", own, of_steps), _ROOM)
+        counts = np.linalg.solve(_floored(noise / total[..., None]), said.swapaxes(1, 2))
         best = np.argmax(np.einsum("bkc,bck->bk", said, counts) / room, axis=1)
         start, room, offset = starts[each, best], room[each, best], said[each, best] / room[each, best, None]
-        left = centred[:, :, n:] - centred[:, :, :n] @ (
-            found[:, :, :3] - found[each, :, 3 + best, None] * offset[:, None]
-        )
+        left = centred[:, :, n:] - centred[:, :, :n] @ (of_wanted - of_steps[each, :, best, None] * offset[:, None])
         left -= (self.index >= start[:, None])[..., None] * offset[:, None]
         left -= (weights[:, None] @ left) / total[..., None]
         weights = self.rows.confidence(left)
         return _StepFit(start, offset, weights, weights[..., None] * left, room)
+
+
+def _floored(variance: Floats) -> Floats:
+    """Variances (b, 3, 3) that are in no direction less than a floor and a share of all of it."""
+    least = FLOOR**2 / 3.0 + _SHARE * np.trace(variance, axis1=1, axis2=2)
+    return np.asarray(variance + least[:, None, None] * np.eye(3))
 
 
 def _correlation_times(noise: Floats, n_rows: Ints) -> Floats:
