@@ -280,6 +280,21 @@ def test_a_jump_shortly_before_hides_no_drift(box, name, jump, start):
     assert not distrusted[:start].any()
 
 
+def test_a_slide_is_drift_from_its_beginning(joints):
+    take = joints.crop(0, 480)
+    positions, marker = take.positions.copy(), take.markers.index("thorax")
+    share = np.clip((np.arange(480) - 240) / 55, 0.0, 1.0)
+    positions[:, marker] += share[:, None] * [40.0, 40.0, 56.0]
+    distrusted, _ = ruled(moved(take, positions=positions), "drift")
+    assert distrusted[250:, marker].all()
+    assert not distrusted[:240].any()
+
+
+@pytest.mark.parametrize("n_frames", [420, 480])
+def test_a_guard_that_is_held_is_no_bone(joints, n_frames):
+    assert detect(joints.crop(0, n_frames)).trusted.all()
+
+
 @pytest.mark.parametrize(("name", "first"), [("lclavicle", 250), ("rclavicle", 250), ("rclavicle", 215)])
 def test_a_straying_partner_hides_no_drift_that_bends_other_bones(joints, name, first):
     take = joints.crop(0, 360)

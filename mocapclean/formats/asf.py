@@ -22,6 +22,7 @@ from mocapclean.records import Floats
 from mocapclean.skeleton import Channel, Skeleton, turn
 
 INCH = 25.4
+_SHORTEST = 1e-6
 CMU_LENGTH = 0.45
 HEAD = 4096
 
@@ -60,9 +61,9 @@ def parse(path: Path, raw: bytes) -> Asf:
     line, words = units.get(b"length", (0, [b"1.0"]))
     length = finite(path, words, 1, ":units length", line)[0]
     words = [word.lower() for word in units.get(b"angle", (0, [b"deg"]))[1]]
-    if length <= 0 or words not in ([b"deg"], [b"rad"]):
+    if length < _SHORTEST or words not in ([b"deg"], [b"rad"]):
         got = f"{length:g} and {quote(b' '.join(words))}"
-        raise FormatError(path, f":units must have a positive length and an angle of deg or rad. Got {got}.")
+        raise FormatError(path, f":units must have a length of 1e-6 or more and an angle of deg or rad. Got {got}.")
     unit, degrees = INCH / length, words == [b"deg"]
     bones = [_root(path, sections[b":root"], unit, degrees)]
     bones += [_bone(path, block, unit, degrees) for block in _blocks(path, sections[b":bonedata"])]

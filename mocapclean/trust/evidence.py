@@ -25,7 +25,7 @@ _CLOSEST = 5
 _RIVAL, _EVEN, _AGREES = 0.5, 0.7, 0.3
 _CONFIRMED, _SLACK = 0.2, 3.0
 _AGREED, _KEPT = 0.5, 10.0
-_RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.75
+_RIGID, _RIGID_SECONDS, _OFTEN = 0.5, 0.5, 0.9
 _BENT, _BENT_SECONDS = 0.5, 2.0
 _STILL = 0.005
 _SHORTEST_HOLD, _LEAST_HOLD = 5, 5.0
@@ -33,7 +33,7 @@ LEAST_STEP, LEAST_SCORE, _SURE, _SURER, _SURELY = 15.0, 10.0, 0.8, 0.6, 2.0
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
 _STEP_SECONDS, _END_SECONDS = 1.25, 0.5
-SLIDE_SECONDS = 0.5
+SLIDE_SECONDS, _SLIDING = 0.5, 10
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,8 @@ class Evidence:
         bones = _Bones(np.where(trusted[..., None], positions, np.nan), rigid, self.take.rate)
         usable, slide = trusted, round(SLIDE_SECONDS * self.take.rate)
         steps: tuple[Step, ...] = ()
-        before = usable
+        before, sliding = usable, np.zeros_like(usable)
+        around = min(slide, len(usable) // _SLIDING)
         for round_ in range(_ROUNDS):
             filled = complete(positions, usable, rigid)
             guess = predict(filled, usable, rigid, slide=slide if round_ < _ROUNDS - 1 else None)
@@ -119,7 +120,7 @@ class Evidence:
             able = [step for step in clear if all(step.marker != old.marker for old in steps) and look.explains(step)]
             for step in able:
                 look.spare(step)
-            earlier, before, usable = before, usable, look.measured & ~look.astray & ~look.bursts
+            earlier, before, usable = before, usable, look.measured & ~look.astray & ~look.bursts & ~sliding
             fresh = np.asarray((before & ~usable).any(axis=0) & (round_ == 0))
             found = _standing_out(able, clear, steps, fresh, look)
             changed = min(np.count_nonzero(usable ^ one) for one in (before, earlier)[: max(1, round_)])
@@ -129,7 +130,9 @@ class Evidence:
             positions = positions.copy()
             for step in found:
                 positions[step.start :, step.marker] -= guess.rotation[step.start :, step.marker] @ step.offset
-            steps = (*steps, *found)
+                if not step.sudden:
+                    sliding[max(0, step.start - around) : step.start + around, step.marker] = True
+            steps, usable = (*steps, *found), usable & ~sliding
         return Study(
             holds=holds,
             steps=steps,
@@ -253,7 +256,7 @@ class _Look:
 class _Bones:
     """Which partners keep their distance, and when they cease to: positions (F, M, 3), NaN where not trusted.
 
-    Those do that are at the same distance half a second later in three of four cases, the frames about a step aside.
+    Those do that are at the same distance half a second later in nine of ten cases, the frames about a step aside.
     """
 
     def __init__(self, positions: Floats, rigid: Rigidity, rate: float) -> None:

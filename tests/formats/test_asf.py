@@ -15,7 +15,8 @@ from mocapclean.errors import FormatError
     [
         (b":bonedata", b":bones", "must have a section :bonedata"),
         (ASF[ASF.index(b":hierarchy") :], b"", "must have a section :hierarchy"),
-        (b"length 0.45", b"length 0", ":units must have a positive length and an angle of deg or rad"),
+        (b"length 0.45", b"length 0", ":units must have a length of 1e-6 or more and an angle of deg or rad"),
+        (b"length 0.45", b"length 1e-320", ":units must have a length of 1e-6 or more and an angle of deg or rad"),
         (b"length 0.45", b"length long", "line 6: a number must be decimal"),
         (b"angle deg", b"angle grad", "Got 0.45 and 'grad'"),
         (b"TX TY TZ", b"TX TX TZ", "line 11: a degree of freedom must stand once"),
