@@ -56,11 +56,8 @@ def predict(
     known = np.array([len(rigid.partners(marker)[0]) >= 3 for marker in range(n_markers)], dtype=bool)
     known &= (np.count_nonzero(usable, axis=0) >= _ENOUGH) & (True if only is None else only)
     steps: list[Step] = []
-    paths, able, at_once = (
-        np.moveaxis(positions, 2, 0).swapaxes(1, 2),
-        np.flatnonzero(known),
-        max(1, _AT_ONCE // n_frames),
-    )
+    paths = positions.transpose(2, 1, 0)
+    able, at_once = np.flatnonzero(known), max(1, _AT_ONCE // n_frames)
     for markers in (able[first : first + at_once] for first in range(0, len(able), at_once)):
         around = _Around.of(markers, rigid)
         rows = Rows.of([_spaced(np.flatnonzero(usable[:, marker]), _TRAIN) for marker in markers.tolist()])
