@@ -53,17 +53,17 @@ def predict(
     expected = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
     rotation = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3)).copy()
     residual = positions - expected
-    known = np.array([len(rigid.partners(marker)[0]) >= 3 for marker in range(n_markers)], dtype=bool)
+    around = _Around.of(rigid)
+    known = np.count_nonzero(around.weights, axis=1) >= 3
     known &= (np.count_nonzero(usable, axis=0) >= _ENOUGH) & (True if only is None else only)
     steps: list[Step] = []
     paths = positions.transpose(2, 1, 0)
     able, at_once = np.flatnonzero(known), max(1, _AT_ONCE // n_frames)
     for markers in (able[first : first + at_once] for first in range(0, len(able), at_once)):
-        around = _Around.of(markers, rigid)
         rows = Rows.of([_spaced(np.flatnonzero(usable[:, marker]), _TRAIN) for marker in markers.tolist()])
-        seen = paths[:, around.partners].swapaxes(2, 3)
-        turn, centre = _segments(seen, around.weights, rows)
-        local = _into(seen - centre[..., None], turn[..., None]) / around.scale[:, None]
+        seen = paths[:, around.partners[markers]].swapaxes(2, 3)
+        turn, centre = _segments(seen, around.weights[markers], rows)
+        local = _into(seen - centre[..., None], turn[..., None]) / around.scale[markers, None]
         inputs = np.moveaxis(local, 0, 2).reshape(len(markers), n_frames, -1)
         wanted = np.moveaxis(_into(paths[:, markers] - centre, turn), 0, 2)
         learnt = rows.take(inputs), rows.take(wanted), rows
@@ -88,21 +88,21 @@ def complete(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
 
 @dataclass(frozen=True)
 class _Around:
-    """The partners (b, 10) of b markers, their weights (b, 10) and scales (b, 10); 0 and ∞ where there are fewer."""
+    """The partners (M, 10) of all markers, their weights (M, 10) and scales (M, 10); 0 and ∞ where there are fewer."""
 
     partners: Ints
     weights: Floats
     scale: Floats
 
     @classmethod
-    def of(cls, markers: Ints, rigid: Rigidity) -> "_Around":
-        partners = np.zeros((len(markers), PARTNERS), dtype=np.intp)
+    def of(cls, rigid: Rigidity) -> "_Around":
+        partners = np.zeros((len(rigid.spread), PARTNERS), dtype=np.intp)
         weights, scale = np.zeros(partners.shape), np.full(partners.shape, np.inf)
-        for i, marker in enumerate(markers.tolist()):
+        for marker in range(len(partners)):
             chosen, says = rigid.partners(marker)
-            partners[i, : len(chosen)], weights[i, : len(chosen)] = chosen, says
-            scale[i, : len(chosen)] = np.sqrt(rigid.spread[marker, chosen] ** 2 + 25.0)
-        return cls(partners, weights / weights.sum(axis=1, keepdims=True), scale)
+            partners[marker, : len(chosen)], weights[marker, : len(chosen)] = chosen, says
+            scale[marker, : len(chosen)] = np.sqrt(rigid.spread[marker, chosen] ** 2 + 25.0)
+        return cls(partners, weights, scale)
 
 
 def _segments(seen: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats]:

@@ -16,7 +16,7 @@ Bools = NDArray[np.bool_]
 Ints = NDArray[np.intp]
 
 _CANDIDATES, _EDGE, _FEWEST = 80, 0.08, 10
-_BETWEEN, _BELIEVED = 0.1, 0.4
+BETWEEN, _BELIEVED = 0.1, 0.4
 _LONGEST_LAG = 200
 _ROOM = 1e-9
 _SHARE = 1e-9
@@ -27,7 +27,7 @@ class Step:
     """From frame ``start`` on a marker sits ``offset`` (3,) mm from where it sat, in its segment's frame.
 
     score: the size of the step over its standard error, as the noise is in its direction. sudden: whether it is made
-    within a frame. bends: whether it changes a length that is constant otherwise. agreed: whether the distances to
+    within a frame. bends: how many lengths it changes that are constant otherwise. agreed: whether the distances to
     rigid partners change as it says.
     """
 
@@ -36,7 +36,7 @@ class Step:
     offset: Floats
     score: float
     sudden: bool = False
-    bends: bool = False
+    bends: int = 0
     agreed: bool = False
 
 
@@ -54,7 +54,7 @@ def steps_of(markers: Ints, inputs: Floats, wanted: Floats, rows: Rows, slide: i
     markers, edge, rows = markers[enough], edge[enough], Rows(rows.frames[enough], rows.count[enough])
     last = rows.number - edge
     length = rows.frames[:, -1] - rows.frames[:, 0] + 1
-    slides = np.minimum(slide * rows.number // length, (_BETWEEN * rows.number).astype(np.intp))[:, None]
+    slides = np.minimum(slide * rows.number // length, (BETWEEN * rows.number).astype(np.intp))[:, None]
     search = _Search(inputs[enough], wanted[enough], rows)
     starts = np.linspace(edge, last, _CANDIDATES, axis=1).astype(np.intp)
     rough = search.fit(starts, search.without())

@@ -15,7 +15,7 @@ from mocapclean.numerics.exchanges import Exchange, exchange, exchanges
 from mocapclean.numerics.prediction import Ints, Prediction, complete, predict
 from mocapclean.numerics.rigidity import Rigidity, rigidity
 from mocapclean.numerics.robust import nan_median, nan_quantiles
-from mocapclean.numerics.steps import Step
+from mocapclean.numerics.steps import BETWEEN, Step
 from mocapclean.records import Bools, Floats, Take
 from mocapclean.runs import column_runs
 
@@ -33,7 +33,7 @@ LEAST_STEP, LEAST_SCORE, _SURE, _SURER, _SURELY = 15.0, 10.0, 0.8, 0.6, 2.0
 _SAME_STEP = 0.01
 _SNAP, _SNAP_SLACK = 10, 1
 _STEP_SECONDS, _END_SECONDS = 1.25, 0.5
-SLIDE_SECONDS, _SLIDING = 0.5, 10
+SLIDE_SECONDS = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ class Evidence:
         usable, slide = trusted, round(SLIDE_SECONDS * self.take.rate)
         steps: tuple[Step, ...] = ()
         before, sliding = usable, np.zeros_like(usable)
-        around = min(slide, len(usable) // _SLIDING)
+        around = min(slide, int(BETWEEN * len(usable)))
         for round_ in range(_ROUNDS):
             filled = complete(positions, usable, rigid)
             guess = predict(filled, usable, rigid, slide=slide if round_ < _ROUNDS - 1 else None)
@@ -194,7 +194,7 @@ class _Look:
             start = low + int(np.argmax(rises))
             step = replace(step, start=start, sudden=bool(self.breaks[start, step.marker]))
         kept = np.median(self.rigid.spread[step.marker, self.rigid.partners(step.marker)[0][:_CLOSEST]]) <= _KEPT
-        bends = bool(self.bones.bent(step.marker, step.start).size)
+        bends = len(self.bones.bent(step.marker, step.start))
         return replace(step, bends=bends, agreed=bool(kept) and self.agrees(step) >= _AGREED)
 
     def explains(self, step: Step) -> bool:
@@ -373,7 +373,7 @@ def _waits(step: Step, fresh: Bools, look: _Look) -> bool:
 def _borne_out(step: Step, look: _Look) -> bool:
     """Whether a step is seen in the path, in two bones or in the distances to partners, or is sure enough without."""
     sure = step.sudden or step.score >= _SURELY * LEAST_SCORE
-    return sure or len(look.bones.bent(step.marker, step.start)) > 1 or look.agrees(step) >= _CONFIRMED
+    return sure or step.bends > 1 or look.agrees(step) >= _CONFIRMED
 
 
 def _allowed(step: Step, clear: list[Step], known: tuple[Step, ...], look: _Look) -> bool:
