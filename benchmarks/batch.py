@@ -29,9 +29,9 @@ CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 LOOP = """
 import sys
 from pathlib import Path
-from mocapclean.config import resolve
+from mocapclean.config.settings import resolve
 from mocapclean.report import record
-from mocapclean.repair import repair
+from mocapclean.pipeline.repair import repair
 source, out = Path(sys.argv[1]), Path(sys.argv[2])
 settings = resolve(None, {"method": sys.argv[3]})
 with open(sys.argv[4], "w") as report:

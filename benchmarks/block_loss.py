@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import mocapclean
-from mocapclean.runs import column_runs
+from mocapclean.arrays import column_runs
 from mocapclean.simulate import block_loss
 
 

@@ -21,7 +21,7 @@ import sys
 from pathlib import Path
 import mocapclean
 from mocapclean.errors import MocapcleanError
-from mocapclean.trust import detect
+from mocapclean.detection import detect
 for path in sorted(p for p in Path(sys.argv[1]).rglob("*") if p.suffix.lower() in (".c3d", ".bvh", ".amc")):
     try:
         detect(mocapclean.read(path))

@@ -18,8 +18,8 @@ from time import process_time
 
 import numpy as np
 
-from mocapclean import selfcheck
-from mocapclean.choosing import prepared
+from mocapclean.evaluation import self_check
+from mocapclean.pipeline.choose import prepared
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
 
@@ -52,7 +52,7 @@ def once(take):
     begin = process_time()
     solve(take, everything)
     filled = process_time() - begin
-    selfcheck.check(take, everything, solve, selfcheck.Params())
+    self_check.check(take, everything, solve, self_check.Params())
     return filled, process_time() - begin
 
 

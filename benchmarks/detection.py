@@ -18,11 +18,11 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.choosing import prepared
-from mocapclean.config import DEFAULT_METHOD
+from mocapclean.config.settings import DEFAULT_METHOD
+from mocapclean.detection import detect
+from mocapclean.pipeline.choose import prepared
 from mocapclean.simulate import hide
 from mocapclean.solvers import SOLVERS
-from mocapclean.trust import detect
 
 GAPS, SHARE = 200, 0.05
 

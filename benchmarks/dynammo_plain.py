@@ -19,11 +19,11 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc
-from mocapclean.numerics.linear_dynamics import expect, maximise, principal_system
-from mocapclean.numerics.state_space import Masks
-from mocapclean.records import ReadOptions
+from mocapclean.numerics.state_space.linear_dynamics import expect, maximise, principal_system
+from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.simulate import block_loss, random_loss
 from mocapclean.solvers.dynammo import LEAST, Columns
+from mocapclean.take import ReadOptions
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 STATES, ITERATIONS = 16, 3

@@ -19,9 +19,9 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc
-from mocapclean.records import ReadOptions, Take
 from mocapclean.simulate import block_loss
 from mocapclean.solvers import SOLVERS
+from mocapclean.take import ReadOptions, Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 CASES = (("61_02", 60), ("118_10", 60), ("05_10", 120))

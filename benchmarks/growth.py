@@ -20,9 +20,9 @@ from time import process_time
 import numpy as np
 from trnn2_sweep import CAPTURES, hide, read_take
 
-from mocapclean.body_parts import known_parts
+from mocapclean.dictionaries.body_parts import known_parts
+from mocapclean.dictionaries.training import Params, train
 from mocapclean.solvers import SOLVERS
-from mocapclean.training import Params, train
 
 FRAMES = (600, 1200, 2400, 4800)
 SHORT = 10.0

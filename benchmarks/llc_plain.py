@@ -19,13 +19,13 @@ from time import process_time
 import numpy as np
 
 from mocapclean import read
-from mocapclean.body_parts import known_parts
+from mocapclean.dictionaries.body_parts import known_parts
+from mocapclean.dictionaries.training import Params, train
 from mocapclean.numerics import windows
-from mocapclean.numerics.dictionary_learning import unit
-from mocapclean.numerics.locality import reconstruct
-from mocapclean.numerics.sparse_coding import lasso
+from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.locality import reconstruct
+from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.simulate import block_loss
-from mocapclean.training import Params, train
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 WEIGHT, BANDWIDTH = 10.0, 0.1

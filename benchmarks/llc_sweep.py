@@ -21,12 +21,12 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean import read
-from mocapclean.body_parts import known_parts
+from mocapclean.dictionaries.body_parts import known_parts
+from mocapclean.dictionaries.training import Params, train
 from mocapclean.numerics import interpolation
-from mocapclean.records import Take
 from mocapclean.simulate import block_loss, hide, random_loss
 from mocapclean.solvers import SOLVERS
-from mocapclean.training import Params, train
+from mocapclean.take import Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 SUBJECTS = {

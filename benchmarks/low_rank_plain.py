@@ -25,15 +25,15 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.bones import bones_of
-from mocapclean.numerics.bounded_completion import complete
-from mocapclean.numerics.centred import centred
-from mocapclean.numerics.completion import Completion
-from mocapclean.numerics.dual_ascent import ascend, no_edges
-from mocapclean.numerics.robust_pca import robust_pca
-from mocapclean.numerics.shrinkage import top_singular_directions
+from mocapclean.numerics.low_rank.bounded_completion import complete
+from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.dual_ascent import ascend, no_edges
+from mocapclean.numerics.low_rank.robust_pca import robust_pca
+from mocapclean.numerics.low_rank.shrinkage import top_singular_directions
 from mocapclean.simulate import block_loss, hide
 from mocapclean.solvers.scsvt import loose_edges
+from mocapclean.take.bones import bones_of
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 THRESHOLD, RANK = 451.556, 6

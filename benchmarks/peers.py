@@ -21,8 +21,8 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.config import resolve
-from mocapclean.metrics import error
+from mocapclean.config.settings import resolve
+from mocapclean.evaluation.metrics import error
 from mocapclean.simulate import hide, single_gaps
 from mocapclean.solvers import SOLVERS
 

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapclean.formats import c3d
-from mocapclean.records import ReadOptions
+from mocapclean.take import ReadOptions
 
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests"))

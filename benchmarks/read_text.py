@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean.formats import amc, bvh
-from mocapclean.records import ReadOptions, Take
+from mocapclean.take import ReadOptions, Take
 
 FOLDER = Path(__file__).resolve().parents[2] / "shared" / "data"
 

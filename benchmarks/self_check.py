@@ -19,9 +19,9 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean import metrics, selfcheck
-from mocapclean.choosing import prepared
 from mocapclean.errors import MocapcleanError
+from mocapclean.evaluation import metrics, self_check
+from mocapclean.pipeline.choose import prepared
 from mocapclean.simulate import hide, occlude
 from mocapclean.solvers import SOLVERS
 
@@ -36,7 +36,7 @@ def compare(take, method, share, seed):
     started = process_time()
     solution = solve(broken, missing)
     filled = process_time()
-    found = selfcheck.check(broken, np.ones_like(missing), solve, selfcheck.Params()).total.error
+    found = self_check.check(broken, np.ones_like(missing), solve, self_check.Params()).total.error
     checked = process_time()
     true = metrics.error(take.positions, solution.positions, missing & solution.filled)
     if found is None or true is None:

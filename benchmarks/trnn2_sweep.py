@@ -21,8 +21,8 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc, c3d
-from mocapclean.records import ReadOptions, Take
 from mocapclean.solvers import SOLVERS, trnn2
+from mocapclean.take import ReadOptions, Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 TAKES = (

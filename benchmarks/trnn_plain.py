@@ -19,9 +19,9 @@ import numpy as np
 from scipy.fft import dct, idct
 from trnn2_sweep import CAPTURES, hide, read_take
 
-from mocapclean.numerics.extrapolation import Anderson
-from mocapclean.numerics.shrinkage import shrink_singular_values
-from mocapclean.numerics.splitting import Copies
+from mocapclean.numerics.low_rank.extrapolation import Anderson
+from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
+from mocapclean.numerics.low_rank.splitting import Copies
 from mocapclean.solvers import trnn, tsmc
 from mocapclean.solvers.sparse_noise import NoisyTake
 

@@ -11,8 +11,8 @@ from pathlib import Path
 
 from trnn2_sweep import CAPTURES, N_FRAMES, measure, read_take
 
-from mocapclean.records import Take
 from mocapclean.solvers import SOLVERS
+from mocapclean.take import Take
 
 TAKES = ("02_05", "05_10", "14_04", "61_02", "118_10")
 PATTERNS = ("20", "60", "long")

@@ -5,19 +5,19 @@ The public names are loaded on first use, so that the command starts at once.
 
 TYPE_CHECKING = False  # as typing.TYPE_CHECKING, without the time that importing typing takes
 if TYPE_CHECKING:
+    from mocapclean.detection import detect
     from mocapclean.formats import read, write
-    from mocapclean.records import Take
-    from mocapclean.repair import fill
-    from mocapclean.trust import detect
+    from mocapclean.pipeline.repair import fill
+    from mocapclean.take import Take
 
 __version__ = "0.1.0"
 
 _HOMES = {
     "read": "mocapclean.formats",
     "write": "mocapclean.formats",
-    "fill": "mocapclean.repair",
-    "detect": "mocapclean.trust",
-    "Take": "mocapclean.records",
+    "fill": "mocapclean.pipeline.repair",
+    "detect": "mocapclean.detection",
+    "Take": "mocapclean.take.take",
 }
 
 __all__ = ["Take", "__version__", "detect", "fill", "read", "write"]

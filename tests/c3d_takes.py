@@ -7,7 +7,7 @@ import numpy as np
 from c3d_builder import C3D, INTEL, Parameter, shorts
 
 from mocapclean.formats import c3d
-from mocapclean.records import ReadOptions, Take
+from mocapclean.take import ReadOptions, Take
 
 
 def store(folder: Path, file: C3D | bytes, name: str = "take.c3d") -> Path:

@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from mocapclean.cli import cli
-from mocapclean.config import Settings, resolve
+from mocapclean.config.settings import Settings, resolve
+from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS
-from mocapclean.trust import RULES
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]

@@ -6,14 +6,14 @@ from types import ModuleType
 
 import numpy as np
 import pytest
-from dictionaries import learn
 from pydantic import ValidationError
+from small_dictionaries import learn
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.evidence import enclosed, fillable
-from mocapclean.records import Solution, Take
-from mocapclean.skeleton import Skeleton
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.solvers import ERROR_BARS, SOLVERS
+from mocapclean.solvers.fillable import enclosed, fillable
+from mocapclean.take import Solution, Take
 
 RATE = 60.0
 EXCEPTIONS = {

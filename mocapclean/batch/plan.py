@@ -7,7 +7,7 @@ from pathlib import Path
 from mocapclean.batch.inputs import Input, shard
 from mocapclean.batch.journal import Before
 from mocapclean.batch.repairing import Job, inode
-from mocapclean.config import Settings
+from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 from mocapclean.formats import check_output
 

@@ -12,11 +12,11 @@ from typing import Any
 
 from mocapclean import __version__
 from mocapclean.batch.journal import Before
-from mocapclean.config import Settings
+from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError
 from mocapclean.formats import check_output, companion, discard_parts, new_file
-from mocapclean.records import Outcome
-from mocapclean.repair import digest, repair
+from mocapclean.pipeline.outcome import Outcome
+from mocapclean.pipeline.repair import digest, repair
 from mocapclean.report import record
 from mocapclean.report.text import summary
 

@@ -15,7 +15,7 @@ from mocapclean.batch.inputs import Input
 from mocapclean.batch.limits import Limits, processors
 from mocapclean.batch.pool import Stop
 from mocapclean.cli.options import FILE, Command
-from mocapclean.config import Settings
+from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
 

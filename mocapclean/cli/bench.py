@@ -10,20 +10,20 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
-from mocapclean.bench import plots
-from mocapclean.bench.jobs import Capture, Choice, Job
-from mocapclean.bench.protocols import EXPERIMENTS, Experiment
-from mocapclean.bench.published import statements
-from mocapclean.bench.results import Results
-from mocapclean.bench.store import Store
 from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE
-from mocapclean.config import MILLIMETRES
-from mocapclean.dictionary import load
+from mocapclean.config.settings import MILLIMETRES
+from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError
+from mocapclean.experiments import plots
+from mocapclean.experiments.jobs import Capture, Choice, Job
+from mocapclean.experiments.protocols import EXPERIMENTS, Experiment
+from mocapclean.experiments.published import statements
+from mocapclean.experiments.results import Results
+from mocapclean.experiments.store import Store
 from mocapclean.formats import FORMATS, new_file
-from mocapclean.records import ReadOptions
 from mocapclean.report.text import table
+from mocapclean.take import ReadOptions
 
 _SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
 

@@ -9,14 +9,14 @@ from tqdm import tqdm
 
 from mocapclean.batch.inputs import named
 from mocapclean.batch.pool import Answers, run
-from mocapclean.checking import Check, unchecked
 from mocapclean.cli.batching import limits, stopping, working
 from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE, reading, settings
-from mocapclean.config import Settings
+from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.formats import check_output, new_file
-from mocapclean.records import Verdict
+from mocapclean.pipeline.check import Check, unchecked
+from mocapclean.pipeline.outcome import Verdict
 from mocapclean.report.junit import junit
 from mocapclean.report.record import checked
 from mocapclean.report.text import verdict

@@ -19,10 +19,10 @@ from mocapclean.batch.repairing import Done, Job, Repair, failed
 from mocapclean.cli.batching import batching, limits, select, stopping
 from mocapclean.cli.guard import INTERRUPTED, complain, guarded
 from mocapclean.cli.options import FILE, reading, settings
-from mocapclean.config import Settings
+from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.formats import new_file
-from mocapclean.records import Outcome
+from mocapclean.pipeline.outcome import Outcome
 from mocapclean.report import record
 from mocapclean.report.text import totals
 

@@ -8,8 +8,8 @@ import click
 from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE, distinct, reading, settings
 from mocapclean.errors import MocapcleanError
-from mocapclean.records import Outcome
-from mocapclean.repair import inspect
+from mocapclean.pipeline.outcome import Outcome
+from mocapclean.pipeline.repair import inspect
 from mocapclean.report import record
 from mocapclean.report.text import inspection
 

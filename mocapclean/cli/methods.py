@@ -8,7 +8,7 @@ import click
 from pydantic import TypeAdapter
 
 from mocapclean.cli.guard import guarded
-from mocapclean.config import DEFAULT_METHOD
+from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.errors import UsageError
 from mocapclean.report.text import table
 from mocapclean.solvers import SOLVERS

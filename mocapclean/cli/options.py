@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from mocapclean.config import Settings, resolve
+from mocapclean.config.settings import Settings, resolve
 from mocapclean.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])

@@ -8,12 +8,12 @@ from pathlib import Path
 import click
 import numpy as np
 
+from mocapclean.arrays import Floats
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE
-from mocapclean.config import MILLIMETRES
+from mocapclean.config.settings import MILLIMETRES
 from mocapclean.errors import UsageError
 from mocapclean.formats import amc, bvh, c3d, check_output, new_file
-from mocapclean.records import Floats
 from mocapclean.simulate import FAULTS, MOTIONS, Injected, Performance, hide, inject, lose_channels, occlude, perform
 
 

@@ -13,13 +13,13 @@ from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
 from mocapclean import formats
-from mocapclean.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE
-from mocapclean.config import MILLIMETRES
+from mocapclean.config.settings import MILLIMETRES
+from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
+from mocapclean.dictionaries.training import Params, n_steps, train
 from mocapclean.errors import UsageError
-from mocapclean.records import Take
-from mocapclean.training import Params, n_steps, train
+from mocapclean.take import Take
 
 
 def _training(command: Any) -> Any:

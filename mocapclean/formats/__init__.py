@@ -25,8 +25,8 @@ from types import ModuleType
 
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import amc, bvh, c3d
-from mocapclean.records import ReadOptions, Take
-from mocapclean.skeleton import Skeleton
+from mocapclean.geometry.skeleton import Skeleton
+from mocapclean.take import ReadOptions, Take
 
 FORMATS: dict[str, ModuleType] = {"c3d": c3d, "bvh": bvh, "amc": amc}
 

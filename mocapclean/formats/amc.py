@@ -12,13 +12,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats import asf as skeletons
 from mocapclean.formats import poses as kept
 from mocapclean.formats.asf import Asf, columns
 from mocapclean.formats.poses import MARK, Document, blank, decode, load, numbers, positive, quote
-from mocapclean.records import Finding, Floats, Origin, ReadOptions, Take
-from mocapclean.skeleton import Skeleton
+from mocapclean.geometry.skeleton import Skeleton
+from mocapclean.take import Finding, Origin, ReadOptions, Take
 
 SUFFIXES = (".amc",)
 RATE = 120.0

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats.poses import blank, decode, finite, quote
-from mocapclean.records import Floats
-from mocapclean.skeleton import Channel, Skeleton, turn
+from mocapclean.geometry.skeleton import Channel, Skeleton, turn
 
 INCH = 25.4
 _SHORTEST = 1e-6

@@ -12,11 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats import poses as kept
 from mocapclean.formats.poses import MARK, NUMBER, Document, decode, finite, line_at, load, positive, quote
-from mocapclean.records import Finding, Floats, Origin, ReadOptions, Take
-from mocapclean.skeleton import Channel, Skeleton
+from mocapclean.geometry.skeleton import Channel, Skeleton
+from mocapclean.take import Finding, Origin, ReadOptions, Take
 
 SUFFIXES = (".bvh",)
 CENTIMETRE = 10.0

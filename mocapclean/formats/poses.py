@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.fitting import fit
-from mocapclean.records import Bools, Finding, Floats, Take
-from mocapclean.runs import column_runs
-from mocapclean.skeleton import Skeleton, forward
+from mocapclean.geometry.inverse_kinematics import fit
+from mocapclean.geometry.skeleton import Skeleton, forward
+from mocapclean.take import Finding, Take
 
 TRUSTED_MM = 0.1  # a repair moves no trusted joint farther than this
 REREAD_MM = 1e-6  # what is read back may differ from what was reported by this

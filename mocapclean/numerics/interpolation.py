@@ -1,11 +1,9 @@
 """Interpolation of each coordinate over time, from the trusted samples alone."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from mocapclean.arrays import Bools, Floats
 
 
 def linear(positions: Floats, trusted: Bools) -> Floats:

@@ -1,9 +1,8 @@
 """Statistics that a few wild values do not move."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from mocapclean.arrays import Floats
 
 
 def nan_median(values: Floats, axis: int = 0) -> Floats:

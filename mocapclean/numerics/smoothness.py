@@ -7,12 +7,10 @@ doi:10.1016/j.csda.2009.09.020. With ``flat_ends`` off, those two rows are left 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-from mocapclean.numerics.differences import add_adjoint, difference, normal_bands
-
-Floats = NDArray[np.float64]
+from mocapclean.arrays import Floats
+from mocapclean.numerics.low_rank.differences import add_adjoint, difference, normal_bands
 
 
 def roughness_bands(n_frames: int, order: int, *, flat_ends: bool = True) -> Floats:

@@ -5,8 +5,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.intp]
+from mocapclean.arrays import Floats, Ints
+
 T = TypeVar("T", bound=np.generic)
 
 

@@ -12,7 +12,9 @@ import numpy as np
 import scipy
 
 from mocapclean import __version__
-from mocapclean.records import GRADES, Finding, Gap, Outcome, Verdict
+from mocapclean.evaluation.metrics import GRADES
+from mocapclean.pipeline.outcome import Gap, Outcome, Verdict
+from mocapclean.take import Finding
 
 SCHEMA = 2
 

@@ -4,8 +4,9 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
-from mocapclean.metrics import Error
-from mocapclean.records import GRADES, Breach, Candidate, Finding, Gap, Outcome, Verdict
+from mocapclean.evaluation.metrics import GRADES, Error
+from mocapclean.pipeline.outcome import Breach, Candidate, Gap, Outcome, Verdict
+from mocapclean.take import Finding
 
 _LABEL = 12
 _NUMBERS = ("RMSE mm", "3D mm", "largest mm")

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from mocapclean.records import Floats
+from mocapclean.arrays import Floats
 from mocapclean.simulate.figure import ROOT_HEIGHT, Vector, rotation
 from mocapclean.simulate.legs import ANKLE_HEIGHT, ease, reach, roll
 from mocapclean.simulate.markers import wander

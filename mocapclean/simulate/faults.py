@@ -8,12 +8,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
+from mocapclean.geometry.rigidity import rigidity
+from mocapclean.geometry.segment_frames import lay
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.rigidity import rigidity
-from mocapclean.numerics.segment_frames import lay
-from mocapclean.records import Bools, Floats, Take
 from mocapclean.simulate.bounds import within
+from mocapclean.take import Take
 
 _MARGIN = 10
 _TRIES = 200

@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mocapclean.records import Floats
-from mocapclean.skeleton import Channel, Skeleton, turn
+from mocapclean.arrays import Floats
+from mocapclean.geometry.skeleton import Channel, Skeleton, turn
 
 STATURE = 1750.0
 ROOT_HEIGHT = 0.550 * STATURE

@@ -5,9 +5,9 @@
 
 import numpy as np
 
-from mocapclean.records import Floats
+from mocapclean.arrays import Floats
+from mocapclean.geometry.skeleton import turn
 from mocapclean.simulate.figure import BODY, STATURE, Vector, angles_of
-from mocapclean.skeleton import turn
 
 ANKLE_HEIGHT = 0.039 * STATURE
 HEEL: Vector = (0.0, -ANKLE_HEIGHT, -45.0)

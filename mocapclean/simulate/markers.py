@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from mocapclean.records import Floats
+from mocapclean.arrays import Floats
+from mocapclean.geometry.skeleton import Skeleton, forward
 from mocapclean.simulate.figure import Vector
-from mocapclean.skeleton import Skeleton, forward
 
 NOISE = 0.15
 """Standard deviation in millimetres of the measurement noise of each coordinate."""

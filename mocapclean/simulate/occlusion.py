@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
-from mocapclean.records import Bools, Floats, Take
+from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.simulate.bounds import whole, within
-from mocapclean.skeleton import Skeleton
+from mocapclean.take import Take
 
 _EXPOSED = {
     **dict.fromkeys(("WRA", "WRB", "FIN", "FWT", "HEE", "MT5", "STRN"), 2.0),

@@ -5,14 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mocapclean.arrays import Floats
 from mocapclean.errors import UsageError
-from mocapclean.records import Floats, Take
+from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.simulate.bounds import whole, within
 from mocapclean.simulate.boxing import box
 from mocapclean.simulate.figure import asf_poses, asf_skeleton, bvh_poses, bvh_skeleton
 from mocapclean.simulate.markers import MARKERS, wear
 from mocapclean.simulate.walking import walk
-from mocapclean.skeleton import Skeleton
+from mocapclean.take import Take
 
 MOTIONS: dict[str, Callable[[int, float, np.random.Generator], tuple[Floats, dict[str, Floats]]]] = {
     "walk": walk,

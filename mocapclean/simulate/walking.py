@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from mocapclean.records import Floats
+from mocapclean.arrays import Floats
 from mocapclean.simulate.figure import ROOT_HEIGHT, rotation
 from mocapclean.simulate.legs import ANKLE_HEIGHT, ease, reach, roll
 from mocapclean.simulate.markers import wander

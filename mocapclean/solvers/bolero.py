@@ -30,22 +30,20 @@ E bones on them.
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.bones import bones_of
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Floats
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
-from mocapclean.numerics.bone_projection import held, project
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.state_space import Masks
+from mocapclean.geometry.bone_projection import held, project
+from mocapclean.geometry.skeleton import Bone
+from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
-from mocapclean.skeleton import Bone
 from mocapclean.solvers import dynammo
-
-Floats = NDArray[np.float64]
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
+from mocapclean.take.bones import bones_of
 
 REFERENCE = (
     "L. Li, J. McCann, N. S. Pollard, C. Faloutsos, 2010, BoLeRO: a principled technique for including bone length "

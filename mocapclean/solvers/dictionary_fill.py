@@ -5,12 +5,13 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapclean.body_parts import PARTS
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Floats
+from mocapclean.dictionaries.body_parts import PARTS
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.evidence import fillable
 from mocapclean.numerics.smoothness import smooth
-from mocapclean.records import Floats, Solution, Take
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 
 class Body:

@@ -26,23 +26,20 @@ Cost per iteration: O(F H² + F M H²), and O(H³) for each frame in which covar
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Bools, Floats
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
+from mocapclean.geometry.body_frames import BodyFrames
+from mocapclean.geometry.shape_frames import shape_frames
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.body_frames import BodyFrames
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.linear_dynamics import LinearSystem, expect, maximise, principal_system
-from mocapclean.numerics.procrustes import shape_frames
-from mocapclean.numerics.state_space import Masks, Smoothed
+from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expect, maximise, principal_system
+from mocapclean.numerics.state_space.smoother import Masks, Smoothed
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "L. Li, J. McCann, N. S. Pollard, C. Faloutsos, 2009, DynaMMo: mining and summarization of coevolving sequences "

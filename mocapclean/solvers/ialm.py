@@ -36,14 +36,15 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.centred import CentredMatrix, centred
-from mocapclean.numerics.completion import Completion
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.robust_pca import robust_pca
-from mocapclean.numerics.shrinkage import singular_values
+from mocapclean.arrays import Bools
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
+from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.robust_pca import robust_pca
+from mocapclean.numerics.low_rank.shrinkage import singular_values
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Solution, Take
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "Z. Lin, M. Chen, Y. Ma, 2010, The augmented Lagrange multiplier method for exact recovery of corrupted low-rank "

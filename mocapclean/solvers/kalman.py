@@ -29,16 +29,16 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Bools, Floats, runs
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.centred import centred
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.linear_dynamics import LinearSystem
-from mocapclean.numerics.moving_origin import moving_origin
-from mocapclean.numerics.state_space import Dynamics, Masks, backward, forward, observe
+from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.state_space.linear_dynamics import LinearSystem
+from mocapclean.numerics.state_space.smoother import Dynamics, Masks, backward, forward, observe
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Floats, Solution, Take
-from mocapclean.runs import runs
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "M. Burke, J. Lasenby, 2016, Estimating missing marker positions using low dimensional Kalman smoothing, "

@@ -6,11 +6,11 @@ the first or last frame has no second side and is left unfilled. Cost: O(F M).
 
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.evidence import enclosed
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics.interpolation import linear
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
+from mocapclean.solvers.fillable import enclosed
+from mocapclean.take import Solution, Take
 
 REFERENCE = "Linear interpolation between the trusted samples around a gap."
 

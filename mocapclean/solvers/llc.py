@@ -31,13 +31,14 @@ from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary, required
+from mocapclean.arrays import Floats, Ints
+from mocapclean.dictionaries.dictionary import Dictionary, required
 from mocapclean.numerics import windows
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.locality import reconstruct
+from mocapclean.numerics.coding.locality import reconstruct
 from mocapclean.parameters import STRICT
-from mocapclean.records import Floats, Solution, Take
 from mocapclean.solvers.dictionary_fill import Body, finish
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 T = TypeVar("T", bound=np.generic)
 
@@ -84,7 +85,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     return finish(take, body, estimate, blend=params.seams == "blend", denoise=params.denoise, facts=facts)
 
 
-def _fill_part(estimate: Floats, body: Body, part: str, columns: windows.Ints, params: Params) -> int:
+def _fill_part(estimate: Floats, body: Body, part: str, columns: Ints, params: Params) -> int:
     """Put the part's windows into estimate (F, M, 3), where there are any; their number."""
     length, n_frames = body.dictionary.window, len(estimate)
     n_padded = max(n_frames, length)

@@ -32,20 +32,17 @@ from itertools import groupby
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Bools, Floats, Ints, column_runs
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.moving_origin import moving_origin
+from mocapclean.geometry.pair_distances import pair_distances
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.evidence import enclosed, fillable
-from mocapclean.numerics.moving_origin import moving_origin
-from mocapclean.numerics.pair_distances import pair_distances
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Floats, Solution, Take
-from mocapclean.runs import column_runs
-
-Ints = NDArray[np.intp]
+from mocapclean.solvers.fillable import enclosed, fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "Ø. Gløersen, P. Federolf, 2016, Predicting missing marker trajectories in human motion data using marker "

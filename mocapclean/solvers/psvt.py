@@ -23,11 +23,11 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.centred import centred
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.centred import centred
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
 from mocapclean.solvers import ialm
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "T.-H. Oh, Y.-W. Tai, J.-C. Bazin, H. Kim, I. S. Kweon, 2016, Partial sum minimization of singular values in "

@@ -34,16 +34,17 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.bones import bones_of
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Bools
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
-from mocapclean.numerics.centred import centred
-from mocapclean.numerics.dual_ascent import Edges, Iterate
-from mocapclean.numerics.evidence import fillable
+from mocapclean.geometry.skeleton import Bone
+from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate
 from mocapclean.parameters import STRICT
-from mocapclean.records import Bools, Solution, Take
-from mocapclean.skeleton import Bone
 from mocapclean.solvers import svt
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
+from mocapclean.take.bones import bones_of
 
 REFERENCE = (
     "C.-H. Tan, J. Hou, L.-P. Chau, 2015, Motion capture data recovery using skeleton constrained singular value "

@@ -3,14 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mocapclean.numerics.centred import centred
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.splitting import Copies, Observation
-from mocapclean.records import Solution, Take
-
-Floats = NDArray[np.float64]
+from mocapclean.arrays import Floats
+from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 
 class NoisyTake:

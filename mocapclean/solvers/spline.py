@@ -10,11 +10,11 @@ F. N. Fritsch, R. E. Carlson, Monotone piecewise cubic interpolation, 1980, doi:
 
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.evidence import enclosed
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics.interpolation import monotone
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
+from mocapclean.solvers.fillable import enclosed
+from mocapclean.take import Solution, Take
 
 REFERENCE = "F. N. Fritsch, R. E. Carlson, 1980, Monotone piecewise cubic interpolation, doi:10.1137/0717021"
 

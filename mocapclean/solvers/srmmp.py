@@ -24,13 +24,13 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary, required
-from mocapclean.numerics.dictionary_learning import unit
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.sparse_coding import lasso
+from mocapclean.dictionaries.dictionary import Dictionary, required
+from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
 from mocapclean.solvers.dictionary_fill import Body, finish
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "J. Xiao, Y. Feng, W. Hu, 2011, predicting missing markers in human motion capture using l1-sparse representation"

@@ -32,13 +32,13 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.bounded_completion import complete
-from mocapclean.numerics.centred import CentredMatrix, centred
-from mocapclean.numerics.dual_ascent import Edges, Iterate, ascend, no_edges
-from mocapclean.numerics.evidence import fillable
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.bounded_completion import complete
+from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
+from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate, ascend, no_edges
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = "J.-F. Cai, E. J. Candès, Z. Shen, 2010, A singular value thresholding algorithm, doi:10.1137/080738970"
 

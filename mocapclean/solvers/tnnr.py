@@ -31,13 +31,13 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.centred import centred
-from mocapclean.numerics.completion import Completion
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.shrinkage import singular_values, top_singular_directions
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "Y. Hu, D. Zhang, J. Ye, X. Li, X. He, 2013, Fast and accurate matrix completion via truncated nuclear norm "

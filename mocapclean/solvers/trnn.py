@@ -34,23 +34,21 @@ pentadiagonal solve, O(F M).
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.shrinkage import (
+from mocapclean.arrays import Floats
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.shrinkage import (
     shrink_singular_values,
     shrink_truncated,
     spectral_gap_rank,
     top_singular_directions,
 )
-from mocapclean.numerics.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.splitting import Copies, Observation
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
 from mocapclean.solvers.sparse_noise import NoisyTake
-
-Floats = NDArray[np.float64]
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "W. Hu, Z. Wang, S. Liu, X. Yang, G. Yu, J. J. Zhang, 2017, Motion capture data completion via truncated nuclear "

@@ -35,25 +35,22 @@ pentadiagonal solve over the missing entries.
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
+from mocapclean.arrays import Bools, Floats
+from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.differences import FreeSystem, add_adjoint, difference, normal_bands, times_bands
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.shrinkage import (
+from mocapclean.numerics.low_rank.differences import FreeSystem, add_adjoint, difference, normal_bands, times_bands
+from mocapclean.numerics.low_rank.shrinkage import (
     shrink_singular_values,
     singular_values,
     spectral_gap_rank,
     top_singular_directions,
 )
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
+from mocapclean.solvers.fillable import fillable
+from mocapclean.take import Solution, Take
 
 REFERENCE = "R. Imamura, M. Okuda, 2018, motion capture recovery by truncated nuclear norm and differences"
 CHECK_EVERY = 10

@@ -29,19 +29,17 @@ solve and 4 · memory passes over the matrix, O(F M). Anderson keeps 4 · memory
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionary import Dictionary
-from mocapclean.numerics.extrapolation import Anderson
-from mocapclean.numerics.shrinkage import shrink_singular_values
-from mocapclean.numerics.splitting import Copies
+from mocapclean.arrays import Floats
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.numerics.low_rank.extrapolation import Anderson
+from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
+from mocapclean.numerics.low_rank.splitting import Copies
 from mocapclean.parameters import STRICT
-from mocapclean.records import Solution, Take
 from mocapclean.solvers.sparse_noise import NoisyTake
-
-Floats = NDArray[np.float64]
+from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "Y. Feng, J. Xiao, Y. Zhuang, X. Yang, J. J. Zhang, R. Song, 2014, Exploiting temporal stability and low-rank "

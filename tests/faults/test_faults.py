@@ -238,7 +238,7 @@ def test_two_runs_into_one_folder(hanging):
 def test_an_input_that_changes_while_it_is_read_is_not_repaired(captures, monkeypatch):
     from mocapclean.batch import repairing
     from mocapclean.batch.repairing import Job, Repair
-    from mocapclean.config import Settings
+    from mocapclean.config.settings import Settings
 
     real = repairing.repair
     old = (captures / "a.c3d").read_bytes()

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError
 from mocapclean.formats import amc
-from mocapclean.records import ReadOptions, Take
-from mocapclean.skeleton import forward
+from mocapclean.geometry.skeleton import forward
+from mocapclean.take import ReadOptions, Take
 
 FILES = capture_files("amc")
 ASF = b"""# a made-up skeleton

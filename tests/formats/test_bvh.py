@@ -12,11 +12,12 @@ from conftest import capture_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.fitting import Fit
 from mocapclean.formats import bvh, poses
-from mocapclean.records import Bools, Floats, ReadOptions, Take
-from mocapclean.skeleton import Channel, Skeleton, forward
+from mocapclean.geometry.inverse_kinematics import Fit
+from mocapclean.geometry.skeleton import Channel, Skeleton, forward
+from mocapclean.take import ReadOptions, Take
 
 FILES = capture_files("bvh")
 TEXT = b"""HIERARCHY

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import c3d
-from mocapclean.formats.c3d_words import Words
+from mocapclean.formats.c3d.words import Words
 
 # Words
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError
 from mocapclean.formats import c3d
-from mocapclean.records import ReadOptions
+from mocapclean.take import ReadOptions
 
 CAPTURES = capture_files("c3d")
 NO_POINTS = {

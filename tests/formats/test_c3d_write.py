@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import c3d
-from mocapclean.records import ReadOptions, Take
+from mocapclean.take import ReadOptions, Take
 
 # Writing
 

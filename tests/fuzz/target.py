@@ -11,8 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 import mocapclean
-from mocapclean.config import Settings
-from mocapclean.repair import repair
+from mocapclean.config.settings import Settings
+from mocapclean.pipeline.repair import repair
 from tests.fuzz.mutate import mutate
 
 SECONDS = 5.0

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mocapclean.numerics.evidence import enclosed, fillable
 from mocapclean.numerics.interpolation import linear, monotone
+from mocapclean.solvers.fillable import enclosed, fillable
 
 NAN = np.nan
 

@@ -8,11 +8,11 @@ import pytest
 
 import mocapclean
 from mocapclean.errors import SolverError
-from mocapclean.records import Take
+from mocapclean.geometry.skeleton import Skeleton, move
 from mocapclean.simulate import block_loss, perform
-from mocapclean.skeleton import Skeleton, move
 from mocapclean.solvers import bolero, dynammo
 from mocapclean.solvers.bolero import Params
+from mocapclean.take import Take
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_data"
 LENGTHS = (400.0, 300.0, 200.0, 250.0)

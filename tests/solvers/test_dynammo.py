@@ -5,11 +5,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mocapclean.numerics.linear_dynamics import expect, maximise
-from mocapclean.records import Take
+from mocapclean.numerics.state_space.linear_dynamics import expect, maximise
 from mocapclean.simulate import block_loss
 from mocapclean.solvers import dynammo
 from mocapclean.solvers.dynammo import LEAST, Columns, Learner, Params
+from mocapclean.take import Take
 
 
 def swinging(

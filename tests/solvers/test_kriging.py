@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from mocapclean.numerics.evidence import fillable
-from mocapclean.records import Take
 from mocapclean.simulate import block_loss, hide, occlude
 from mocapclean.solvers import spline
+from mocapclean.solvers.fillable import fillable
 from mocapclean.solvers.kriging import Params, Scene, join, solve
+from mocapclean.take import Take
 
 RATE = 120.0
 

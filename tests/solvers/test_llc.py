@@ -5,14 +5,14 @@ import dataclasses
 import cvxpy as cp
 import numpy as np
 import pytest
-from dictionaries import learn
+from small_dictionaries import learn
 
 from mocapclean.errors import UsageError
-from mocapclean.numerics.evidence import fillable
-from mocapclean.numerics.locality import affine_weights, locality_ridge, reconstruct
-from mocapclean.records import Take
+from mocapclean.numerics.coding.locality import affine_weights, locality_ridge, reconstruct
 from mocapclean.solvers import SOLVERS, llc
+from mocapclean.solvers.fillable import fillable
 from mocapclean.solvers.llc import Params
+from mocapclean.take import Take
 
 CODING = {"neighbours": 0, "weight": 10.0, "bandwidth": 0.5, "exponent": 2}
 

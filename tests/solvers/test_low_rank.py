@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mocapclean.records import Take
 from mocapclean.solvers import ialm, psvt, tnnr, trnn
+from mocapclean.take import Take
 
 TIGHT = {"tolerance": 1e-7, "max_iterations": 30000}
 

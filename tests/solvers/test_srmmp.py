@@ -3,11 +3,11 @@
 import cvxpy as cp
 import numpy as np
 import pytest
-from dictionaries import learn
+from small_dictionaries import learn
 from test_llc import make_take, swing
 
-from mocapclean.numerics.dictionary_learning import unit
-from mocapclean.numerics.sparse_coding import lasso
+from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.solvers import srmmp
 from mocapclean.solvers.srmmp import Params
 

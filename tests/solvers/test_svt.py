@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mocapclean.errors import SolverError
-from mocapclean.records import Take
+from mocapclean.geometry.skeleton import Channel, Skeleton
 from mocapclean.simulate import hide
-from mocapclean.skeleton import Channel, Skeleton
 from mocapclean.solvers import scsvt, svt
+from mocapclean.take import Take
 
 LENGTHS = (400.0, 300.0, 250.0)
 NAMES = ("hip", "knee", "ankle", "toe")

@@ -5,11 +5,11 @@ import pytest
 from pydantic import ValidationError
 
 from mocapclean.numerics.interpolation import linear
-from mocapclean.numerics.shrinkage import singular_values, top_singular_directions
-from mocapclean.numerics.splitting import Observation
-from mocapclean.records import Take
+from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
+from mocapclean.numerics.low_rank.splitting import Observation
 from mocapclean.solvers import trnn, tsmc
 from mocapclean.solvers.trnn import Alm, Params, choose, separate
+from mocapclean.take import Take
 
 
 def observed(rng: np.random.Generator) -> tuple[np.ndarray, Observation]:

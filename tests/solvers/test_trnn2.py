@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from mocapclean.numerics.shrinkage import top_singular_directions
-from mocapclean.records import Take
+from mocapclean.numerics.low_rank.shrinkage import top_singular_directions
 from mocapclean.solvers import trnn2
 from mocapclean.solvers.trnn2 import Admm, Params
+from mocapclean.take import Take
 
 TIGHT = {"tolerance": 1e-9, "inner_iterations": 20000, "max_iterations": 20000}
 

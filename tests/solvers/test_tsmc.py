@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from mocapclean.numerics.shrinkage import shrink_singular_values
-from mocapclean.numerics.splitting import Copies, Observation
-from mocapclean.records import Take
+from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
+from mocapclean.numerics.low_rank.splitting import Copies, Observation
 from mocapclean.solvers import tsmc
 from mocapclean.solvers.tsmc import Params
+from mocapclean.take import Take
 
 TIGHT = Params(tolerance=1e-11, max_iterations=20000)
 

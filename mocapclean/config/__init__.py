@@ -1,0 +1,1 @@
+"""Configuration: YAML and command line to frozen settings."""

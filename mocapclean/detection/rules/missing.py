@@ -1,0 +1,30 @@
+"""Samples that the file itself calls missing: each gap becomes a finding; no trust is lowered."""
+
+import numpy as np
+from pydantic.dataclasses import dataclass
+
+from mocapclean.arrays import column_runs
+from mocapclean.detection.evidence import Evidence
+from mocapclean.detection.rule import Ruling, lasting
+from mocapclean.parameters import STRICT
+from mocapclean.take import Finding
+
+
+@dataclass(frozen=True, kw_only=True, config=STRICT)
+class Params:
+    """This rule has no parameters."""
+
+
+def examine(evidence: Evidence, params: Params) -> Ruling:
+    """Name every run of samples (F, M) that reading found untrusted."""
+    take = evidence.take
+    findings = tuple(
+        Finding(
+            rule="missing",
+            marker=take.markers[marker],
+            frames=(start, stop),
+            message=f"missing in the file {lasting(start, stop)}",
+        )
+        for marker, start, stop in column_runs(~take.trusted)
+    )
+    return np.zeros_like(take.trusted), findings

@@ -1,0 +1,1 @@
+"""Dictionaries of body parts: learnt from clean takes, kept in a file without pickle."""

@@ -1,0 +1,201 @@
+"""The header and the parameter section of a C3D file.
+
+Source: the C3D file format user guide (Motion Lab Systems, 2008, c3d.org), chapters on the header and on the
+parameter section. Every count and pointer is taken as a claim and held against the bytes that are there.
+"""
+
+import math
+import struct
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from mocapclean.errors import FormatError
+from mocapclean.formats.c3d.words import MACHINES, MIPS, Words
+
+BLOCK = 512
+MAGIC = 0x50
+MAX_HEAD = 512 * BLOCK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """Where a parameter's data are: kind -1 text, 1 byte, 2 integer, 4 float; dims with the fastest first."""
+
+    kind: int
+    dims: bytes
+    start: int
+
+    @property
+    def stop(self) -> int:
+        """The byte after the data."""
+        return self.start + abs(self.kind) * math.prod(self.dims)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """The parameter section; names are "GROUP:NAME" in upper case, the first of two equal names counts."""
+
+    section: bytes = field(repr=False)
+    machine: int
+    entries: dict[str, Parameter]
+
+    def strings(self, name: str) -> list[str]:
+        """The texts of a parameter without their padding; none if it is absent or no text."""
+        entry = self.entries.get(name)
+        if entry is None or entry.kind != -1 or 0 in entry.dims:
+            return []
+        width = entry.dims[0] if entry.dims else 1
+        text = self.section[entry.start : entry.stop]
+        return [_decode(text[at : at + width]) for at in range(0, len(text), width)]
+
+    def numbers(self, name: str) -> list[float]:
+        """The numbers of a parameter, integers as unsigned; none if it is absent or a text."""
+        entry = self.entries.get(name)
+        if entry is None or entry.kind not in (1, 2, 4):
+            return []
+        data = self.section[entry.start : entry.stop]
+        data = data[: len(data) // entry.kind * entry.kind]
+        if entry.kind == 4:
+            words = Words(machine=self.machine, is_float=True)
+            return [float(x) for x in words.decode(np.frombuffer(data, words.raw))]
+        order = ">" if self.machine == MIPS else "<"
+        return [float(x) for x in np.frombuffer(data, f"{order}u{entry.kind}")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Header:
+    """What the first block says.
+
+    size: bytes of the whole file. head: everything before the point data (at most 256 KiB). n_analog: analog words per
+    frame. scale: negative for float data, else units per integer step. section, data_start: bytes where the
+    parameters and the first frame are.
+    """
+
+    machine: int
+    n_points: int
+    n_analog: int
+    first_frame: int
+    last_frame: int
+    scale: float
+    section: int
+    data_start: int
+    rate: float
+    parameters: Parameters
+    size: int
+    head: bytes = field(repr=False)
+
+
+def read_header(path: Path) -> Header:
+    """The header and parameters of a file.
+
+    Raises FormatError, with the byte, when it is no C3D file or when the parameters or the point data cannot
+    be found in it.
+    """
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(MAX_HEAD)
+    if len(head) < BLOCK or head[1] != MAGIC:
+        got = f"a file of {size} bytes" if len(head) < BLOCK else f"{head[1]:#04x}"
+        raise FormatError(path, f"byte 1 of a C3D file's 512-byte header must be {MAGIC:#04x}. Got {got}.", byte=1)
+    start = _find_section(path, head)
+    machine = head[start + 3]
+    order = ">" if machine == MIPS else "<"
+    n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", head, 2)
+    (data_block,) = struct.unpack_from(f"{order}H", head, 16)
+    words = Words(machine=machine, is_float=True)
+    scale, rate = (float(words.decode(np.frombuffer(head, words.raw, 1, at))[0]) for at in (12, 20))
+    data_start = (data_block - 1) * BLOCK
+    stop = data_start if data_start > start else start + max(head[start + 2], 1) * BLOCK
+    parameters = _parse(head[start:stop], machine)
+    if not BLOCK <= data_start < size:
+        claimed = parameters.numbers("POINT:DATA_START")
+        data_start = int(claimed[0] - 1) * BLOCK if claimed and claimed[0] >= 1 else stop
+    if not BLOCK <= data_start < size:
+        raise FormatError(
+            path,
+            f"the header's pointer to the point data must be a block of the file ({size} bytes). "
+            f"Got block {data_block}; the file may be cut off: get it again from its source.",
+            byte=16,
+        )
+    return Header(
+        machine=machine,
+        n_points=n_points,
+        n_analog=n_analog,
+        first_frame=first,
+        last_frame=last,
+        scale=scale,
+        section=start,
+        data_start=data_start,
+        rate=rate,
+        parameters=parameters,
+        size=size,
+        head=head[:data_start],
+    )
+
+
+def _find_section(path: Path, head: bytes) -> int:
+    """The byte where the parameter section starts: as the header says or, failing that, the first that fits."""
+    claimed = (head[0] - 1) * BLOCK
+    if claimed >= BLOCK and _machine(head, claimed) in MACHINES:
+        return claimed
+    for start in range(BLOCK, min(len(head), 256 * BLOCK), BLOCK):
+        machine = _machine(head, start)
+        if machine in MACHINES and "POINT:USED" in _parse(head[start : start + 32 * BLOCK], machine).entries:
+            return start
+    raise FormatError(
+        path,
+        "the header's pointer to the parameter section must lead to one with processor 84, 85 or 86. "
+        f"Got block {head[0]} with {_machine(head, claimed) if claimed >= 0 else 'nothing'}.",
+        byte=0,
+    )
+
+
+def _machine(head: bytes, start: int) -> int:
+    return head[start + 3] if start + 3 < len(head) else 0
+
+
+def _parse(section: bytes, machine: int) -> Parameters:
+    """Walk the chain of groups and parameters, always forward, until it ends or leaves the section."""
+    order = ">" if machine == MIPS else "<"
+    groups: dict[int, str] = {}
+    found: list[tuple[int, str, Parameter]] = []
+    at = 4
+    while 0 <= at <= len(section) - 5:
+        length, group = struct.unpack_from("bb", section, at)
+        pointer = at + 2 + abs(length)
+        if length == 0 or pointer + 4 > len(section):
+            break
+        name = _decode(section[at + 2 : pointer]).upper()
+        (step,) = struct.unpack_from(f"{order}h", section, pointer)
+        stop = pointer + 2
+        if group < 0:
+            groups.setdefault(-group, name)
+        else:
+            kind, n_dims = struct.unpack_from("bB", section, pointer + 2)
+            start = pointer + 4 + n_dims
+            entry = Parameter(kind=kind, dims=section[pointer + 4 : start], start=start)
+            found.append((group, name, entry))
+            stop = start if step > 0 else entry.stop
+        at = pointer + step if step > 0 else _unlinked(section, stop)
+    entries: dict[str, Parameter] = {}
+    for group, name, entry in found:
+        if group in groups:
+            entries.setdefault(f"{groups[group]}:{name}", entry)
+    return Parameters(section=section, machine=machine, entries=entries)
+
+
+def _unlinked(section: bytes, stop: int) -> int:
+    """The record that follows a description at ``stop`` although no pointer leads to it, or -1."""
+    at = stop + 1 + section[stop] if stop < len(section) else len(section)
+    name = section[at + 2 : at + 2 + abs(struct.unpack_from("b", section, at)[0])] if at < len(section) else b""
+    return at if name.replace(b"_", b"").isalnum() else -1
+
+
+def _decode(text: bytes) -> str:
+    text = text.split(b"\0")[0].strip()
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1")

@@ -1,0 +1,191 @@
+"""What a C3D file says of its points: their names, which are markers, unit, rate and frame count."""
+
+import difflib
+import math
+import re
+from pathlib import Path
+
+from mocapclean.errors import FormatError, UsageError
+from mocapclean.formats.c3d.header import BLOCK, Header, Parameters
+from mocapclean.take import Finding, ReadOptions
+
+NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
+UNLABELLED = re.compile(r"\*\d+")
+MILLIMETRES = ((r"mm|millim.*", 1.0), (r"cm|centim.*", 10.0), (r"m|mete?|met(er|re)s?", 1000.0))
+
+
+def point_names(header: Header) -> tuple[list[str], list[Finding]]:
+    """A distinct name for every point, as stored where possible, and what had to be made up."""
+    stored = _all_labels(header.parameters, "LABELS")[: header.n_points]
+    stored += [""] * (header.n_points - len(stored))
+    names: list[str] = []
+    used, copies, made_up = set(stored), dict[str, int](), []
+    seen: set[str] = set()
+    for number, label in enumerate(stored, start=1):
+        name = label or f"point{number}"
+        base = name
+        while name in seen or (name != label and name in used):
+            copies[base] = copies.get(base, 1) + 1
+            name = f"{base}#{copies[base]}"
+        if name != label:
+            made_up.append(name)
+        seen.add(name)
+        names.append(name)
+    if not made_up:
+        return names, []
+    message = f"{len(made_up)} of {header.n_points} labels are empty or repeated and were named {_few(made_up)}."
+    return names, [Finding(rule="labels", message=message)]
+
+
+def choose_markers(
+    path: Path, header: Header, names: list[str], options: ReadOptions
+) -> tuple[list[int], list[Finding]]:
+    """The indices of the points that are markers or were asked for, and how many others there are.
+
+    Unlabelled points count as markers only in a file that has no others. Raises UsageError for a name in
+    ``options.points`` that no point has, FormatError when nothing is left.
+    """
+    _check_asked(path, names, options)
+    listed = _listed(header.parameters)
+    bare = {_bare(label) for label in listed if ":" in label}
+    labels = list(enumerate(_all_labels(header.parameters, "LABELS")[: len(names)]))
+    other = {i for i, label in labels if {label, _bare(label)} & listed or (":" not in label and label in bare)}
+    unlabelled = {i for i, label in labels if UNLABELLED.fullmatch(_bare(label))}
+    if len(other | unlabelled) < len(names):
+        other |= unlabelled
+    asked = set(options.points)
+    left = [i for i in sorted(other) if names[i] not in asked]
+    chosen = sorted(set(range(len(names))).difference(left))
+    if not chosen:
+        raise FormatError(
+            path,
+            f"a take must have markers. Got {len(names)} points that are listed as angles, forces or the like. "
+            "Name some with --markers to repair them.",
+        )
+    if not left:
+        return chosen, []
+    message = (
+        f"{len(left)} of {len(names)} points are unlabelled or listed as angles, forces or the like and are "
+        f"carried along untouched: {_few([names[i] for i in left])}."
+    )
+    return chosen, [Finding(rule="points", message=message, advice="name them with --markers to repair them.")]
+
+
+def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:
+    known = set(names)
+    for wanted in options.points:
+        if wanted not in known:
+            near = difflib.get_close_matches(wanted, names, n=3, cutoff=0.5)
+            hint = f"Near it: {', '.join(near)}." if near else f"The file has {_few(names)}."
+            raise UsageError(f"{path}: points to read must be points of the file. Got {wanted!r}. {hint}")
+
+
+def millimetres_per_unit(header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
+    """What POINT:UNITS stands for; millimetres, with a finding, when it is blank or unknown."""
+    stored = header.parameters.strings("POINT:UNITS")
+    unit = next((text for text in stored if text), "")
+    for pattern, factor in MILLIMETRES:
+        if re.fullmatch(pattern, unit.lower()):
+            return factor, []
+    told = f"POINT:UNITS must be mm, cm or m. Got {unit!r}" if unit else "POINT:UNITS is blank or absent"
+    finding = Finding(
+        rule="units",
+        level="warning",
+        message=f"{told}; positions are taken as millimetres.",
+        advice="Compare a known distance, such as between two markers on one bone.",
+    )
+    return options.unit or 1.0, [finding]
+
+
+def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
+    """Frames per second exactly as POINT:RATE, or else the header, has it.
+
+    Raises FormatError when neither is finite and positive and no rate was given.
+    """
+    if options.rate is not None:
+        return options.rate, []
+    stored = [*header.parameters.numbers("POINT:RATE")[:1], header.rate]
+    usable = [rate for rate in stored if math.isfinite(rate) and rate > 0]
+    if not usable:
+        got = " and ".join(f"{rate:g}" for rate in stored)
+        raise FormatError(path, f"the frame rate must be finite and positive. Got {got}. Give one with --rate.")
+    if len(usable) == len(stored) and math.isclose(min(usable), max(usable), rel_tol=1e-5):
+        return usable[0], []
+    message = f"POINT:RATE and the header's rate should agree. Got {', '.join(f'{rate:g}' for rate in stored)}."
+    finding = Finding(rule="rate", level="warning", message=message, advice="If it is wrong, give --rate.")
+    return usable[0], [finding] if len(stored) > 1 else []
+
+
+def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, list[Finding]]:
+    """The number of frames, the number of the first one, and what does not agree.
+
+    The file claims the count in up to four places; the first claim that fills the file to its last block is true,
+    else the first that fits in it, where a claim beyond 16 bits makes those within them worthless. ``stride`` is
+    bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any claim is met.
+    """
+    held, rest = divmod(header.size - header.data_start, stride)
+    trial_start, trial_stop = (
+        _long(header.parameters.numbers(f"TRIAL:ACTUAL_{end}_FIELD")) for end in ("START", "END")
+    )
+    claims = {
+        "TRIAL:ACTUAL_END_FIELD": trial_stop - trial_start + 1 if trial_stop and trial_start else 0,
+        "POINT:LONG_FRAMES": _long(header.parameters.numbers("POINT:LONG_FRAMES")),
+        "the header": header.last_frame - header.first_frame + 1,
+        "POINT:FRAMES": _long(header.parameters.numbers("POINT:FRAMES")[:1]),
+    }
+    claims = {place: count for place, count in claims.items() if count > 0}
+    exact = [n for n in claims.values() if 0 <= (held - n) * stride + rest <= BLOCK]
+    least = 65536 if max(claims.values(), default=0) > 65535 else 1
+    fitting = exact or [n for n in claims.values() if least <= n <= held]
+    told = ", ".join(f"{place} says {count}" for place, count in claims.items())
+    if not claims or (not fitting and held == 0):
+        raise FormatError(path, f"a take must have frames. Got none: {told or 'no place names any'}.", byte=6)
+    if not fitting and rest:
+        raise FormatError(
+            path,
+            f"the file must hold all its frames. Got {held} and a part of one more, while {told}; it was cut off: "
+            "get it again from its source.",
+            byte=header.data_start + held * stride,
+        )
+    count = fitting[0] if fitting else held
+    is_trial = claims.get("TRIAL:ACTUAL_END_FIELD") == count
+    first_frame = trial_start if is_trial else header.first_frame
+    if not fitting:
+        message = f"The file ends after frame {count} although {told}; the frames that are there were read."
+        return count, first_frame, [Finding(rule="frames", level="warning", message=message)]
+    if exact and len(set(claims.values())) == 1:
+        return count, first_frame, []
+    message = f"{count} frames were read; the file holds bytes for {held}, and {told}."
+    return count, first_frame, [Finding(rule="frames", level="info" if exact else "warning", message=message)]
+
+
+def _long(numbers: list[float]) -> int:
+    """A count kept as one number or as two 16-bit halves, low half first; 0 if there is none."""
+    if not numbers or not all(math.isfinite(x) and x >= 0 for x in numbers[:2]):
+        return 0
+    return int(numbers[0]) + (65536 * int(numbers[1]) if len(numbers) > 1 else 0)
+
+
+def _all_labels(parameters: Parameters, name: str) -> list[str]:
+    """POINT:NAME with its continuations POINT:NAME2, POINT:NAME3, ..."""
+    labels = parameters.strings(f"POINT:{name}")
+    number = 2
+    while f"POINT:{name}{number}" in parameters.entries:
+        labels += parameters.strings(f"POINT:{name}{number}")
+        number += 1
+    return labels
+
+
+def _listed(parameters: Parameters) -> set[str]:
+    """The labels of all points that POINT's groups say are something else than captured markers."""
+    groups = [*NOT_MARKERS, *parameters.strings("POINT:TYPE_GROUPS")[::2]]
+    return {label for group in dict.fromkeys(groups) for label in _all_labels(parameters, group.upper())} - {""}
+
+
+def _bare(label: str) -> str:
+    return label.rpartition(":")[2]
+
+
+def _few(names: list[str]) -> str:
+    shown = ", ".join(names[:5])
+    return shown if len(names) <= 5 else f"{shown} and {len(names) - 5} more"

@@ -1,0 +1,1 @@
+"""Geometry of markers and skeletons: arrays in, arrays out."""

@@ -1,0 +1,1 @@
+"""Low-rank matrices: shrinkage, completion, separation."""

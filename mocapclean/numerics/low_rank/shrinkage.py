@@ -1,0 +1,108 @@
+"""Proximal maps of the nuclear norm and its truncated forms, the gradient of the free part, and the rank to free."""
+
+import numpy as np
+
+from mocapclean.arrays import Floats
+
+# Below this ratio to the largest singular value the Gram matrix has lost the digits that matter.
+_GRAM_LIMIT = 1e-6
+
+
+def _gram_spectrum(matrix: Floats) -> tuple[Floats, Floats]:
+    """Singular values, descending, and right singular vectors as columns, of a matrix (m, n), from its Gram matrix.
+
+    The absolute error of a singular value is of the order of 1e-16 σ₁² / σ.
+    """
+    squares, vectors = np.linalg.eigh(matrix.T @ matrix)
+    return np.sqrt(np.maximum(squares[::-1], 0.0)), vectors[:, ::-1]
+
+
+def singular_values(matrix: Floats) -> Floats:
+    """Singular values, descending, of a matrix (m, n); those below 1e-8 σ₁ are not resolved."""
+    gram = matrix.T @ matrix if len(matrix) >= matrix.shape[1] else matrix @ matrix.T
+    values: Floats = np.sqrt(np.maximum(np.linalg.eigvalsh(gram)[::-1], 0.0))
+    return values
+
+
+def shrink_singular_values(
+    matrix: Floats, threshold: float, *, keep: int = 0, out: Floats | None = None
+) -> tuple[Floats, Floats]:
+    """The prox of threshold·Σ_{i>keep} σ_i: every singular value but the first ``keep`` loses ``threshold``.
+
+    matrix: (m, n). Returns the shrunk matrix, in ``out`` if given, and its singular values, descending.
+    keep = 0 is the prox of the nuclear norm: J.-F. Cai, E. J. Candès, Z. Shen, 2010, doi:10.1137/080738970;
+    keep > 0 is T.-H. Oh et al., 2016, doi:10.1109/TPAMI.2015.2465956. The small side's Gram matrix is
+    decomposed instead of the matrix: O(m n²) multiplications at BLAS speed plus O(n³) for m ≥ n. Only values
+    above the threshold survive, so what the squaring loses below it is lost anyway; where the threshold itself
+    is that small, a full SVD is taken.
+    """
+    if len(matrix) < matrix.shape[1]:
+        shrunk, values = shrink_singular_values(matrix.T, threshold, keep=keep, out=None if out is None else out.T)
+        return shrunk.T, values
+    result = np.empty(matrix.shape) if out is None else out
+    values, vectors = _gram_spectrum(matrix)
+    largest = values[0] if values.size else 0.0
+    if threshold < _GRAM_LIMIT * largest:
+        left, values, rows = np.linalg.svd(matrix, full_matrices=False)
+        shrunk_values = _lessen(values, threshold, keep)
+        np.matmul(left * shrunk_values, rows, out=result)
+        return result, shrunk_values
+    shrunk_values = _lessen(values, threshold, keep)
+    n_kept = np.count_nonzero(shrunk_values)
+    vectors = vectors[:, :n_kept]
+    weights = shrunk_values[:n_kept] / values[:n_kept]
+    if 2 * n_kept < matrix.shape[1]:
+        np.matmul(matrix @ vectors, weights[:, None] * vectors.T, out=result)
+    else:
+        np.matmul(matrix, (vectors * weights) @ vectors.T, out=result)
+    return result, shrunk_values
+
+
+def _lessen(values: Floats, threshold: float, keep: int) -> Floats:
+    lessened = np.maximum(values - threshold, 0.0)
+    lessened[:keep] = values[:keep]
+    return lessened
+
+
+def shrink_truncated(matrix: Floats, threshold: float, dimension: int, rank: int, out: Floats) -> Floats:
+    """Put argmin_X threshold·‖X‖_* + ½ ‖X − matrix‖_F² over rank X ≤ ``dimension`` in ``out``; return U_r V_rᵀ of it.
+
+    matrix, out: (m, n). The first ``dimension`` singular values lose ``threshold``, the others vanish; by
+    L. Mirsky, 1960, doi:10.1093/qmath/11.1.50, nothing of that rank is closer. U_r V_rᵀ (m, n), of the ``rank``
+    largest values left, is the gradient of their sum; values that vanished or are below 1e-6 σ₁ have no part in it.
+    Both come from one eigenproblem of the small side's Gram matrix: O(m n²) for m ≥ n.
+    """
+    if len(matrix) < matrix.shape[1]:
+        return shrink_truncated(matrix.T, threshold, dimension, rank, out.T).T
+    values, vectors = _gram_spectrum(matrix)
+    n_kept = min(int(np.count_nonzero(values > threshold)), dimension)
+    n_top = min(n_kept, rank, int(np.count_nonzero(values > _GRAM_LIMIT * values[:1].sum())))
+    vectors = vectors[:, :n_kept]
+    coordinates = matrix @ vectors
+    np.matmul(coordinates, (1.0 - threshold / values[:n_kept])[:, None] * vectors.T, out=out)
+    top: Floats = ((vectors[:, :n_top] / values[:n_top]) @ coordinates[:, :n_top].T).T
+    return top
+
+
+def top_singular_directions(matrix: Floats, rank: int) -> Floats:
+    """U_r V_rᵀ (m, n) of the ``rank`` largest singular values: the gradient of their sum, of spectral norm 1.
+
+    Directions whose singular value is below 1e-6 σ₁ are left out; they are noise of the Gram matrix.
+    """
+    if len(matrix) < matrix.shape[1]:
+        return top_singular_directions(matrix.T, rank).T
+    values, vectors = _gram_spectrum(matrix)
+    n_kept = np.count_nonzero(values[:rank] > _GRAM_LIMIT * values[:1].sum())
+    vectors = vectors[:, :n_kept]
+    return (matrix @ (vectors / values[:n_kept])) @ vectors.T
+
+
+def spectral_gap_rank(matrix: Floats, gap: float, limit: int) -> int:
+    """The largest i with σ_i − σ_{i+1} ≥ gap, at most ``limit``; 0 where there is none.
+
+    matrix: (m, n); σ beyond the last counts as 0. W. Hu et al., 2017, section on the choice of r.
+    """
+    values = singular_values(matrix)
+    steps = values - np.append(values[1:], 0.0)
+    wide = np.flatnonzero(steps >= gap)
+    return min(int(wide[-1]) + 1, limit) if wide.size else 0

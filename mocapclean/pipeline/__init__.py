@@ -1,0 +1,1 @@
+"""One take, from reading to its outcome."""

@@ -1,0 +1,28 @@
+"""Frames of reference spanned by three markers."""
+
+import numpy as np
+
+from mocapclean.arrays import Floats
+from mocapclean.geometry.body_frames import BodyFrames
+
+_THIN = 1e-2
+
+
+def triad_frames(first: Floats, second: Floats, third: Floats) -> BodyFrames:
+    """The frames of three markers (F, 3): the origin at the first, x towards the second, y square to all three."""
+    x = _unit(second - first)
+    y = _unit(np.cross(x, third - first))
+    return BodyFrames(np.stack([x, y, np.cross(y, x)], axis=1), first)
+
+
+def spans(first: Floats, second: Floats, third: Floats) -> bool:
+    """Whether three markers (F, 3) span a plane in every frame: none within a hundredth of the line of the others."""
+    sides = second - first, third - first, third - second
+    area = np.linalg.norm(np.cross(sides[0], sides[1]), axis=-1)
+    return bool((area > _THIN * np.square(sides).sum(axis=-1).max(axis=0)).all())
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    unit: Floats = vectors / np.where(length > 0.0, length, 1.0)
+    return unit

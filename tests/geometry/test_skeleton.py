@@ -1,0 +1,89 @@
+"""Forward kinematics: textbook cases, its own axes, and what a missing channel decides."""
+
+import numpy as np
+import pytest
+
+from mocapclean.geometry.skeleton import Channel, Skeleton, forward, influence, move, turn
+
+
+def arm(carried=False):
+    """A root that shifts and turns, an upper arm, a rigid joint, a forearm; bones before or after their joints."""
+    bones = np.array([[0, 0, 0], [0, 300, 0], [10, 0, 0], [250, 0, 0]], dtype=float)
+    axes = [(False, 0, 0), (False, 0, 1), (False, 0, 2), (True, 0, 2), (True, 0, 0), (True, 1, 1), (True, 3, 2)]
+    frames = np.tile(np.eye(3), (4, 1, 1))
+    frames[1] = turn(0, np.array(90.0))
+    return Skeleton(
+        names=("root", "upper", "rigid", "fore"),
+        parents=(-1, 0, 1, 2),
+        before=np.zeros((4, 3)) if carried else bones,
+        after=bones if carried else np.zeros((4, 3)),
+        frames=frames,
+        channels=tuple(Channel(joint=j, axis=a, is_rotation=r) for r, j, a in axes),
+        product=(3, 4, 5, 6),
+    )
+
+
+@pytest.fixture(params=[False, True], ids=["before", "after"])
+def skeleton(request):
+    return arm(request.param)
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_a_quarter_turn_takes_each_axis_to_the_next(axis):
+    quarter = turn(axis, np.array([90.0]))[0]
+    np.testing.assert_allclose(quarter @ np.eye(3)[(axis + 1) % 3], np.eye(3)[(axis + 2) % 3], atol=1e-15)
+
+
+def test_positions_of_a_pose_worked_out_by_hand():
+    positions, rotations = forward(arm(), np.array([[1.0, 2, 3, 90, 0, 0, 0]]))
+    np.testing.assert_allclose(positions[0], [[1, 2, 3], [-299, 2, 3], [-299, 12, 3], [-299, 262, 3]], atol=1e-12)
+    np.testing.assert_allclose(rotations[0, 3], turn(2, np.array(90.0)), atol=1e-15)
+
+
+def test_a_joint_turns_within_its_own_axes():
+    positions, _ = forward(arm(carried=True), np.array([[0.0, 0, 0, 0, 0, 90, 0]]))
+    # y in axes that are turned by 90 degrees about x is the parent's z: y goes to -x
+    np.testing.assert_allclose(positions[0, 1], [-300, 0, 0], atol=1e-12)
+
+
+def test_axes_are_the_derivatives(skeleton, rng):
+    poses = rng.uniform(-90, 90, (5, 7))
+    motion = move(skeleton, poses)
+    moved, _ = influence(skeleton)
+    for index, channel in enumerate(skeleton.channels):
+        nudge = np.zeros(7)
+        nudge[index] = 1e-4
+        change = (forward(skeleton, poses + nudge)[0] - forward(skeleton, poses - nudge)[0]) / 2e-4
+        axis = motion.axes[:, None, index]
+        if channel.is_rotation:
+            hub = (
+                motion.positions[:, channel.joint] - motion.rotations[:, channel.joint] @ skeleton.after[channel.joint]
+            )
+            axis = np.radians(np.cross(axis, motion.positions - hub[:, None]))
+        expected = np.where(moved[None, :, index, None], axis, 0.0)
+        np.testing.assert_allclose(change, np.broadcast_to(expected, change.shape), atol=1e-5)
+
+
+def test_a_missing_channel_spoils_what_it_decides_and_nothing_else(skeleton, rng):
+    poses = rng.uniform(-90, 90, (3, 7))
+    whole, turned = forward(skeleton, poses)
+    poses[1, 5] = np.nan  # of the upper arm
+    positions, rotations = forward(skeleton, poses)
+    spoilt = [1, 2, 3] if skeleton.after.any() else [2, 3]
+    assert np.flatnonzero(np.isnan(positions[1]).all(axis=1)).tolist() == spoilt
+    assert np.flatnonzero(np.isnan(rotations[1]).all(axis=(1, 2))).tolist() == [1, 2, 3]
+    np.testing.assert_array_equal(positions[[0, 2]], whole[[0, 2]])
+    np.testing.assert_array_equal(rotations[1, :1], turned[1, :1])
+    kept = [j for j in range(4) if j not in spoilt]
+    np.testing.assert_array_equal(positions[1, kept], whole[1, kept])
+
+
+def test_bones_are_what_every_pose_keeps(skeleton, rng):
+    positions, _ = forward(skeleton, rng.uniform(-90, 90, (20, 7)))
+    found = skeleton.bones()
+    assert [(b.start, b.end, b.length) for b in found] == [
+        ("root", "upper", 300), ("upper", "rigid", 10), ("rigid", "fore", 250)
+    ]  # fmt: skip
+    for bone in found:
+        start, end = (skeleton.names.index(name) for name in (bone.start, bone.end))
+        np.testing.assert_allclose(np.linalg.norm(positions[:, end] - positions[:, start], axis=1), bone.length)

@@ -1,0 +1,173 @@
+"""Thresholding with bounds, by dual ascent and by splitting: cones, step bound, kick-start, and one convex optimum."""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+from mocapclean.numerics.low_rank.bounded_completion import Feasible, complete
+from mocapclean.numerics.low_rank.dual_ascent import Ascent, Edges, Iterate, ascend, no_edges, project_to_cones
+
+TAU = 30.0
+
+
+def chain(rng: np.random.Generator, n_frames: int = 10) -> tuple[np.ndarray, np.ndarray, Edges, tuple]:
+    """A swinging chain of 4 joints in unit bones, joint 3 hidden for 4 frames and joint 2 for 2 of them."""
+    swing = np.cumsum(0.3 * rng.normal(size=(n_frames, 3)), axis=0)
+    steps = np.stack([np.sin(swing), np.cos(swing), 0.2 * np.ones_like(swing)], axis=2)
+    steps /= np.linalg.norm(steps, axis=2, keepdims=True)
+    joints = np.concatenate([np.zeros((n_frames, 1, 3)), np.cumsum(steps, axis=1)], axis=1)
+    joints += np.cumsum(0.2 * rng.normal(size=(n_frames, 1, 3)), axis=0) + 2.0
+    trusted = np.ones((n_frames, 4), dtype=bool)
+    trusted[3:7, 3] = trusted[4:6, 2] = False
+    start, end = np.array([0, 1, 2]), np.array([1, 2, 3])
+    frames, bones = np.nonzero(~(trusted[:, start] & trusted[:, end]))
+    first, second = 4 * frames + start[bones], 4 * frames + end[bones]
+    lengths = np.full(len(frames), 0.3)
+    known = np.repeat(trusted, 3, axis=1)
+    values = np.where(known, joints.reshape(n_frames, 12), 0.0)
+    return values, known, Edges(first, second, lengths, 4 * n_frames), (first, second, lengths)
+
+
+def climb(values, known, edges, *, step, tolerance=1e-8, max_iterations=60000) -> Ascent:
+    return ascend(
+        values, known, edges, threshold=TAU, step=step, tolerance=tolerance, excess_tolerance=tolerance,
+        max_iterations=max_iterations,
+    )  # fmt: skip
+
+
+def split(values, known, edges, *, memory=10, penalty=20.0, tolerance=1e-9, max_iterations=20000) -> Iterate:
+    return complete(
+        values, known, edges, threshold=TAU, penalty=penalty, memory=memory, tolerance=tolerance,
+        excess_tolerance=tolerance, max_iterations=max_iterations,
+    )  # fmt: skip
+
+
+def svt(matrix: np.ndarray, threshold: float) -> np.ndarray:
+    u, s, v = np.linalg.svd(matrix, full_matrices=False)
+    return (u * np.maximum(s - threshold, 0)) @ v
+
+
+def test_projection_gives_the_nearest_point_of_the_cone(rng):
+    vectors, heights = rng.normal(size=(200, 3)), 2 * rng.normal(size=200)
+    near, lifted = project_to_cones(vectors, heights)
+    assert (np.linalg.norm(near, axis=1) <= lifted + 1e-12).all()
+    residual, rise = vectors - near, heights - lifted
+    np.testing.assert_allclose((residual * near).sum(axis=1) + rise * lifted, 0, atol=1e-12)
+    assert (np.linalg.norm(residual, axis=1) <= -rise + 1e-12).all()
+    assert (lifted > heights + 0.1).any()
+    assert (lifted == heights).any()
+    assert ((lifted == 0) & (heights < 0)).any()
+
+
+def test_curvature_is_a_tight_bound_on_a_tree_and_a_bound_with_a_cycle(rng):
+    for ends in (((0, 1), (1, 2), (2, 3)), ((0, 1), (1, 2), (0, 2))):
+        first, second = np.array(ends).T
+        known = np.repeat(np.array([[True, False, True, True]]), 3, axis=1)
+        matrix = np.diag([1.0, 0.0, 1.0, 1.0])
+        for a, b in ends:
+            edge = np.eye(4)[a] - np.eye(4)[b]
+            matrix += np.outer(edge, edge)
+        largest = np.linalg.eigvalsh(matrix)[-1]
+        bound = Edges(first, second, np.ones(3), 4).curvature(known)
+        assert largest - 1e-12 <= bound
+        if (2, 3) in ends:
+            assert bound <= 1.05 * largest
+    assert no_edges(4).curvature(known) == 1.0
+
+
+def test_one_missing_end_joint_has_the_curvature_that_explains_the_printed_step():
+    known = np.repeat(np.array([[True, True, False]]), 3, axis=1)
+    end = Edges(np.array([1]), np.array([2]), np.ones(1), 3).curvature(known)
+    assert end == pytest.approx((3 + 5**0.5) / 2, rel=1e-3)
+    known = np.repeat(np.array([[True, False, True]]), 3, axis=1)
+    inner = Edges(np.array([0, 1]), np.array([1, 2]), np.ones(2), 3).curvature(known)
+    assert inner == pytest.approx(2 + 2**0.5, rel=1e-3)
+
+
+@pytest.mark.parametrize("with_edges", [False, True])
+def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_edges):
+    values, known, edges, (first, second, lengths) = chain(rng)
+    if not with_edges:
+        edges, first, second, lengths = no_edges(values.size // 3), first[:0], second[:0], lengths[:0]
+    step, n = 0.1, 30
+    mine = climb(values, known, edges, step=step, tolerance=0.0, max_iterations=n)
+    assert mine.skipped > 3
+    y, p, s = values.copy(), np.zeros((len(lengths), 3)), np.zeros(len(lengths))
+    for _ in range(n + mine.skipped):
+        total = y.copy().reshape(-1, 3)
+        np.add.at(total, first, p)
+        np.subtract.at(total, second, p)
+        z = svt(total.reshape(values.shape), TAU)
+        y += step * np.where(known, values - z, 0)
+        samples = z.reshape(-1, 3)
+        p, s = project_to_cones(p - step * (samples[first] - samples[second]), s - step * lengths)
+    np.testing.assert_allclose(mine.matrix, z, atol=1e-9)
+    np.testing.assert_allclose(mine.equality, y, atol=1e-9)
+    np.testing.assert_allclose(mine.vectors, p, atol=1e-9)
+    assert np.abs(mine.matrix).max() > 0.1
+    assert not with_edges or np.abs(mine.vectors).max() > 1e-3
+
+
+def test_feasible_pairs_are_the_nearest_by_least_squares(rng):
+    values, known, edges, (first, second, _) = chain(rng)
+    matrix, vectors = rng.normal(size=values.shape), rng.normal(size=(len(first), 3))
+    rows = np.eye(values.size // 3)[first] - np.eye(values.size // 3)[second]
+    free = ~known[:, ::3].ravel()
+    system = np.concatenate([np.eye(values.size // 3)[:, free], rows[:, free]])
+    goal = np.concatenate([matrix.reshape(-1, 3), vectors]) - np.concatenate(
+        [np.eye(len(free)), rows]
+    ) @ values.reshape(-1, 3)
+    expected = values.reshape(-1, 3).copy()
+    expected[free] = np.linalg.lstsq(system, goal, rcond=None)[0]
+    nearest, differences = Feasible(values, known, edges).nearest(matrix, vectors)
+    np.testing.assert_allclose(nearest.reshape(-1, 3), expected, atol=1e-12)
+    np.testing.assert_allclose(differences, rows @ expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("with_edges", [False, True])
+def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_edges):
+    values, known, edges, ends = chain(rng, 8)
+    if not with_edges:
+        edges, ends = no_edges(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
+    found = split(values, known, edges)
+    assert found.converged
+    Z = cp.Variable(values.shape)
+    rules = [cp.multiply(known.astype(float), Z) == values]
+    for a, b, length in zip(*ends, strict=True):
+        (row, one), (_, other) = divmod(a, 4), divmod(b, 4)
+        rules.append(cp.norm(Z[row, 3 * one : 3 * one + 3] - Z[row, 3 * other : 3 * other + 3]) <= length)
+    cost = TAU * cp.normNuc(Z) + 0.5 * cp.sum_squares(Z)
+    best = cp.Problem(cp.Minimize(cost), rules).solve(solver=cp.CLARABEL)
+    mine = TAU * np.linalg.norm(found.matrix, "nuc") + 0.5 * np.sum(found.matrix**2)
+    assert mine == pytest.approx(best, rel=1e-6)
+    np.testing.assert_allclose(found.matrix, Z.value, atol=2e-3)
+    for settings in ({"memory": 0, "tolerance": 1e-7}, {"penalty": 80.0}):
+        np.testing.assert_allclose(split(values, known, edges, **settings).matrix, found.matrix, atol=1e-4)
+
+
+def test_splitting_needs_far_fewer_iterations_than_the_ascent_for_the_same_answer(rng):
+    values, known, edges, _ = chain(rng)
+    plain = climb(values, known, edges, step=1.9 / edges.curvature(known), tolerance=1e-2)
+    fast = split(values, known, edges, tolerance=1e-2)
+    assert plain.converged
+    assert 3 * len(fast.trace) < len(plain.trace)
+    np.testing.assert_allclose(fast.matrix[known], plain.matrix[known], atol=0.1)
+    assert not plain.equality[~known].any()
+    assert (np.linalg.norm(plain.vectors, axis=1) <= plain.heights + 1e-9).all()
+    assert plain.heights.max() > 0.01
+
+
+def test_bounds_matter_here(rng):
+    values, known, edges, (first, second, lengths) = chain(rng)
+    for limits, holds in ((edges, True), (no_edges(values.size // 3), False)):
+        samples = split(values, known, limits).matrix.reshape(-1, 3)
+        longest = np.linalg.norm(samples[first] - samples[second], axis=1).max()
+        assert longest <= lengths[0] + 1e-7 if holds else longest > lengths[0] + 0.01
+
+
+def test_zero_matrix_is_answered_at_once():
+    nothing = np.zeros((4, 6)), np.ones((4, 6), bool), no_edges(8)
+    for found in (climb(*nothing, step=1.0), split(*nothing)):
+        assert found.converged
+        assert len(found.trace) == 1
+        assert not found.matrix.any()

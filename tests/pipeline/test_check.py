@@ -1,0 +1,249 @@
+"""``check``: every limit is kept by one take and not by another; its files are what CI reads; its recipes work."""
+
+import json
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from ruamel.yaml import YAML
+
+from mocapclean.config.settings import Limits, resolve
+from mocapclean.formats import c3d
+from mocapclean.pipeline.check import Check
+from mocapclean.pipeline.outcome import Breach, Verdict
+from mocapclean.report.junit import junit
+from mocapclean.simulate import hide, inject, perform
+from tests import commands
+
+RECIPES = Path(__file__).resolve().parents[2] / "docs" / "check.md"
+
+
+@pytest.fixture(scope="module")
+def takes(tmp_path_factory):
+    """A clean take, one with gaps, one with a swap and one in the wrong unit, in two folders."""
+    folder = tmp_path_factory.mktemp("captures")
+    (folder / "bad").mkdir()
+    clean = perform("walk", 2.0, 120.0, 0).markers
+    missing = np.zeros_like(clean.trusted)
+    missing[50:90, clean.markers.index("LFIN")] = True
+    missing[100:110, clean.markers.index("RFIN")] = True
+    c3d.create(clean, folder / "clean.c3d")
+    c3d.create(hide(clean, missing), folder / "gaps.c3d")
+    c3d.create(inject(clean, np.random.default_rng(1), ["swap"]).take, folder / "bad" / "swap.c3d")
+    c3d.create(replace(clean, positions=clean.positions / 1000.0), folder / "bad" / "metres.c3d")
+    return folder
+
+
+run = partial(commands.run, "check")
+
+
+def breached(source, **limits):
+    settings = resolve(None, {"check": limits, "method": "linear"})
+    return {breach.limit for breach in Check(settings)(source).breaches}
+
+
+LIMITS = [
+    ("gaps", {"longest_gap": 39}, {"longest_gap": 40}, "longest_gap"),
+    ("gaps", {"missing": 0.5}, {"missing": 0.6}, "missing"),
+    ("bad/swap", {"distrusted": 0}, {"distrusted": 50, "swaps": None}, "distrusted"),
+    ("bad/swap", {}, {"swaps": 1}, "swaps"),
+    ("bad/metres", {}, {"units": False}, "units"),
+    ("clean", {"bone_deviation": 0.1}, {"bone_deviation": 200}, "bone_deviation"),
+    ("clean", {"required": ["NOSE"]}, {"required": ["C7", "*HEE"]}, "required"),
+    ("clean", {"rates": [100, 60]}, {"rates": [100, 120]}, "rates"),
+    ("clean", {"shortest": 3}, {"shortest": 2}, "shortest"),
+    ("clean", {"longest": 1}, {"longest": 2}, "longest"),
+    ("gaps", {"expected_error": 1e-3}, {"expected_error": 1e3}, "expected_error"),
+    ("gaps", {"markers": {"LFIN": {"longest_gap": 39}}}, {"markers": {"LFIN": {"longest_gap": 40}}}, "longest_gap"),
+    ("gaps", {"markers": {"*FIN": {"missing": 16}}}, {"markers": {"*FIN": {"missing": 17}}}, "markers.missing"),
+    (
+        "bad/swap",
+        {"markers": {"*": {"distrusted": 0}}},
+        {"markers": {"*": {"distrusted": 90}}, "swaps": None},
+        "markers.distrusted",
+    ),
+    ("clean", {"markers": {"NOSE": {"missing": 5}}}, {"markers": {"C7": {"missing": 5}}}, "markers"),
+]
+
+
+@pytest.mark.parametrize(("name", "asked", "allowed", "limit"), LIMITS, ids=[limit for *_, limit in LIMITS])
+def test_every_limit_is_kept_or_not(takes, name, asked, allowed, limit):
+    source = takes / f"{name}.c3d"
+    assert limit in breached(source, **asked)
+    assert breached(source, **{"units": name != "bad/metres", **allowed}) == set()
+
+
+def test_every_limit_has_a_case():
+    tried = {key for _, asked, *_ in LIMITS for key in asked} | {"swaps", "units"}
+    assert tried == set(Limits.model_fields)
+
+
+def test_a_markers_own_gap_stands_in_place_of_the_general_one(takes):
+    own = {"LFIN": {"longest_gap": 50}}
+    assert breached(takes / "gaps.c3d", longest_gap=20, markers=own) == set()
+    assert breached(takes / "gaps.c3d", longest_gap=5, markers=own) == {"longest_gap"}
+
+
+def test_a_folder_is_checked_whole_and_never_touched(takes, tmp_path):
+    before = {path: path.read_bytes() for path in takes.rglob("*.c3d")}
+    code, out, err = run(takes, "--junit", tmp_path / "check.xml", "--json", tmp_path / "check.json")
+    assert (code, err) == (1, "")
+    lines = out.splitlines()
+    assert [line[:4] for line in lines[:-1]] == ["pass", "pass", "FAIL", "FAIL"]
+    assert lines[-1] == "2 of 4 takes pass"
+    assert {path: path.read_bytes() for path in takes.rglob("*.c3d")} == before
+    report = json.loads((tmp_path / "check.json").read_text(encoding="utf-8"))
+    assert report["totals"] == {"takes": 4, "passed": 2, "failed": 2}
+    limits = {Path(take["source"]).stem: [breach["limit"] for breach in take["breaches"]] for take in report["takes"]}
+    assert limits == {"metres": ["units"], "swap": ["swaps"], "clean": [], "gaps": []}
+    root = ElementTree.parse(tmp_path / "check.xml").getroot()
+    assert [(suite.get("name"), suite.get("tests"), suite.get("failures")) for suite in root] == [
+        (str(takes), "2", "0"),
+        (str(takes / "bad"), "2", "2"),
+    ]
+    failures = {case.get("name"): case.find("failure") for case in root.iter("testcase")}
+    assert "labels are swapped, 0 allowed. To do: exchange them" in failures["swap.c3d"].text
+    assert failures["clean.c3d"] is None
+
+
+def test_all_pass_and_quiet_prints_only_the_sum(takes):
+    assert run(takes / "clean.c3d", "-q") == (0, "1 of 1 takes pass\n", "")
+
+
+def test_verbose_says_what_to_do(takes):
+    code, out, _ = run(takes / "gaps.c3d", "-v", "--set", "check.longest_gap=5")
+    assert code == 1
+    assert "LFIN is missing for 40 frames (51-90), 5 allowed; fill it by hand" in out
+    assert "RFIN is missing for 10 frames" in out
+
+
+def test_a_file_that_cannot_be_read_fails_and_the_others_are_checked(takes, tmp_path):
+    (tmp_path / "broken.c3d").write_bytes(b"no capture")
+    shutil.copy(takes / "clean.c3d", tmp_path / "fine.c3d")
+    code, out, err = run(tmp_path)
+    assert (code, err) == (1, "")
+    assert "broken.c3d" in out.splitlines()[0]
+    assert out.splitlines()[1].startswith("pass")
+
+
+def test_workers_find_the_same_in_the_same_order(takes, tmp_path):
+    reports = []
+    for n_workers in (1, 2):
+        folder = tmp_path / str(n_workers)
+        folder.mkdir()
+        run(takes, "--workers", n_workers, "--json", folder / "check.json")
+        reports.append(json.loads((folder / "check.json").read_text(encoding="utf-8"))["takes"])
+    for take in (*reports[0], *reports[1]):
+        assert take.pop("seconds") > 0
+    assert reports[0] == reports[1]
+
+
+def test_a_take_that_needs_too_long_fails(takes):
+    code, out, err = run(takes / "clean.c3d", "--timeout", 0.01, "-v")
+    assert (code, err) == (1, "")
+    assert "it took longer than the limit of 0.01 s (--timeout)" in out
+
+
+def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
+    def interrupt(found, *, verbose):
+        if "clean" in found.source.name:
+            signal.raise_signal(signal.SIGINT)
+        return "told"
+
+    monkeypatch.setattr("mocapclean.cli.check.verdict", interrupt)
+    code, out, err = run(takes, "--junit", tmp_path / "check.xml")
+    assert code == 130
+    assert "takes pass" not in out
+    assert re.search("interrupted after [12] of 4 takes; nothing was written", err)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["nowhere"], "nowhere: the file or folder must exist"),
+        (["{empty}"], "there must be takes in the folders"),
+        (["{take}", "--junit", "{take}"], "must not be"),
+        (["{take}", "--set", "check.longest_gap=-1"], "check.longest_gap must be"),
+        (["{take}", "--set", "check.longest_gab=1"], "Did you mean 'longest_gap'"),
+        (["{take}", "--junit", "{empty}/x", "--json", "{empty}/x"], "must be different files"),
+    ],
+)
+def test_wrong_usage_is_told_and_nothing_is_written(takes, tmp_path, arguments, message):
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    filled = [argument.format(empty=empty, take=takes / "clean.c3d") for argument in arguments]
+    code, out, err = run(*filled)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert not list(empty.iterdir())
+
+
+def test_junit_holds_what_xml_cannot(tmp_path):
+    breach = Breach(limit="readable", message="a \x00 byte & a <tag> é \ud800", advice="none")
+    root = ElementTree.fromstring(junit([Verdict(source=tmp_path / "a\x0b.c3d", breaches=(breach,))]))
+    assert root.find(".//failure").get("message") == "a ? byte & a <tag> é ?. To do: none."
+
+
+def recipe(name):
+    (block,) = re.findall(rf"<!-- {name} -->\n```\w+\n(.*?)```", RECIPES.read_text(encoding="utf-8"), re.DOTALL)
+    return block
+
+
+@pytest.fixture
+def shop(takes, tmp_path, monkeypatch):
+    """A folder as the recipes take it: captures, studio.yaml with a quick method, and the command on the path."""
+    shutil.copytree(takes, tmp_path / "captures")
+    (limits,) = re.findall(r"## Limits.*?```yaml\n(.*?)```", RECIPES.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "studio.yaml").write_text(f"method: linear\n{limits}", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", str(Path(sys.executable).parent), prepend=":")
+    return tmp_path
+
+
+def test_the_documented_limits_are_all_of_them(shop):
+    settings = resolve(shop / "studio.yaml", {})
+    assert settings.check.model_fields_set == set(Limits.model_fields)
+
+
+@pytest.mark.parametrize("name", ["github", "gitlab"])
+def test_the_commands_of_ci_run(shop, name):
+    steps = YAML(typ="safe", pure=True).load(recipe(name))
+    script = [step["run"] for step in steps["jobs"]["check"]["steps"] if "run" in step] if name == "github" else None
+    commands = [line for line in script or steps["takes"]["script"] if line.startswith("mocapclean")]
+    assert len(commands) == 1
+    done = subprocess.run(commands[0], shell=True, cwd=shop, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1, done.stderr
+    ElementTree.parse(shop / "check.xml")
+
+
+def test_the_pre_commit_hook_takes_files(shop):
+    (repo,) = YAML(typ="safe", pure=True).load(recipe("pre-commit"))["repos"]
+    (hook,) = repo["hooks"]
+    assert re.search(hook["files"], "captures/clean.c3d")
+    done = subprocess.run([*hook["entry"].split(), "captures/clean.c3d"], cwd=shop, capture_output=True, timeout=60)
+    assert done.returncode == 0
+
+
+def test_the_shell_loop_puts_aside_what_fails(shop):
+    for bad in (shop / "captures" / "bad").iterdir():
+        shutil.move(bad, shop / "captures")
+    subprocess.run(["sh", "-c", recipe("shell")], cwd=shop, capture_output=True, timeout=120, check=False)
+    assert sorted(path.name for path in (shop / "rejected").iterdir()) == ["metres.c3d", "swap.c3d"]
+
+
+@pytest.mark.skipif(shutil.which("jq") is None, reason="jq is not installed")
+def test_the_jq_lines_answer(shop):
+    run("captures", "--json", "check.json")
+    for line in recipe("jq").splitlines():
+        done = subprocess.run(["sh", "-c", line], cwd=shop, capture_output=True, text=True, timeout=30)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.strip()

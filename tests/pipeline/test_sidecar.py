@@ -1,0 +1,76 @@
+"""The arrays beside a repaired take: they say what the file and the report say, and nothing else."""
+
+from dataclasses import replace
+
+import numpy as np
+
+import mocapclean
+from mocapclean.pipeline import sidecar
+from mocapclean.pipeline.repair import merge
+from mocapclean.solvers import SOLVERS
+from mocapclean.take import Take
+
+
+def broken_take() -> Take:
+    """Four markers: one whole; one with a gap inside and one at the end; one distrusted by hand; one never seen."""
+    rng = np.random.default_rng(2)
+    positions = np.cumsum(rng.normal(size=(60, 4, 3)), axis=0)
+    trusted = np.ones((60, 4), dtype=bool)
+    trusted[20:30, 1] = trusted[55:, 1] = trusted[:, 3] = False
+    positions[~trusted] = 0.0
+    names = ("whole", "gap", "doubted", "never")
+    take = Take(positions=positions, trusted=trusted, markers=names, rate=100.0, first_frame=7)
+    take = mocapclean.detect(take, {"missing": None})
+    lowered = trusted.copy()
+    lowered[40:50, 2] = False
+    return replace(take, trusted=lowered)
+
+
+def repaired(take: Take, wanted: np.ndarray) -> Take:
+    return merge(take, SOLVERS["linear"].solve(take, SOLVERS["linear"].Params()), wanted)
+
+
+def test_the_status_of_every_sample():
+    before = broken_take()
+    wanted = np.ones_like(before.trusted)
+    wanted[:, 2] = False
+    after = repaired(before, wanted)
+    moved = np.zeros_like(wanted)
+    moved[3, 0] = True
+    after = replace(after, moved=moved)
+    named = np.array(sidecar.STATUS)[sidecar.status(before, after)]
+    assert named[3, 0] == "moved"
+    assert (np.delete(named[:, 0], 3) == "measured").all()
+    assert (named[20:30, 1] == "filled").all()
+    assert (named[55:, 1] == "left").all()
+    assert (named[40:50, 2] == "distrusted").all()
+    assert (named[:, 3] == "left").all()
+    counts = {name: int((named == name).sum()) for name in sidecar.STATUS}
+    assert counts == {"moved": 1, "filled": 10, "left": 65, "distrusted": 10, "measured": 154}
+
+
+def test_what_is_saved_is_what_is_read(tmp_path):
+    before = broken_take()
+    after = repaired(before, np.ones_like(before.trusted))
+    sd = np.full(before.trusted.shape, 2.5)
+    for name, bars in (("with", sd), ("without", None)):
+        sidecar.save(tmp_path / f"{name}.npz", before, after, bars, "linear")
+        with np.load(tmp_path / f"{name}.npz", allow_pickle=False) as arrays:
+            found = dict(arrays)
+        assert tuple(found["markers"]) == after.markers
+        assert (float(found["rate"]), int(found["first_frame"]), str(found["method"])) == (100.0, 7, "linear")
+        assert found["status"].dtype == np.uint8
+        assert tuple(found["status_names"]) == sidecar.STATUS
+        left = found["status"] == sidecar.STATUS.index("left")
+        assert np.isnan(found["positions"][left]).all()
+        assert np.array_equal(found["positions"][~left], after.positions[~left])
+        assert np.isnan(found["sd"][~after.filled]).all()
+        assert (found["sd"][after.filled] == 2.5).all() if bars is not None else np.isnan(found["sd"]).all()
+    assert {path.name for path in tmp_path.iterdir()} == {"with.npz", "without.npz"}
+
+
+def test_the_same_take_gives_the_same_bytes(tmp_path):
+    take = broken_take()
+    for name in ("one", "two"):
+        sidecar.save(tmp_path / f"{name}.npz", take, take, None, "linear")
+    assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mocapclean.geometry.body_frames import BodyFrames
+from mocapclean.solvers.kriging.hinge_frames import hinge_frames
+
+
+def leg(rng, n=50):
+    """Hip, knee and ankle (n, 3) with a bending knee, in a body that travels and turns, and the body's frames."""
+    bend = rng.uniform(0.3, 2.0, n)
+    swing = rng.uniform(-0.5, 0.5, n)
+    knee = 400 * np.stack([np.sin(swing), 0 * swing, -np.cos(swing)], axis=1)
+    shank = 430 * np.stack([-np.sin(bend - swing), 0 * bend, -np.cos(bend - swing)], axis=1)
+    turns = Rotation.random(n, random_state=1).as_matrix()
+    places = 1000 * rng.normal(size=(n, 3))
+    world = [np.einsum("nij,nj->ni", turns, p) + places for p in (0 * knee, knee, knee + shank)]
+    return world, BodyFrames(turns.swapaxes(1, 2), places)
+
+
+def test_a_knee_stands_still_on_its_circle(rng):
+    (hip, knee, ankle), body = leg(rng)
+    frames, radii = hinge_frames(np.stack([hip, ankle], axis=1), (400.0, 430.0), body, knee, 20)
+    local = frames.to_local(knee[:, None])[:, 0]
+    assert np.allclose(local[:, 0], 0.0, atol=1e-6)
+    assert np.allclose(local[:, 1], radii)
+    assert np.allclose(local[:, 2], 0.0, atol=1e-6)
+    assert np.allclose(frames.axes @ frames.axes.swapaxes(1, 2), np.eye(3))
+    assert np.allclose(np.linalg.det(frames.axes), 1.0)
+
+
+def test_only_what_is_learnt_from_is_read(rng):
+    (hip, knee, ankle), body = leg(rng)
+    hidden = knee.copy()
+    hidden[20:] = np.nan
+    ends = np.stack([hip, ankle], axis=1)
+    (one, _), (other, _) = (hinge_frames(ends, (400.0, 430.0), body, target, 20) for target in (knee, hidden))
+    assert np.array_equal(one.axes, other.axes)
+
+
+@pytest.mark.parametrize("apart", [0.0, 830.0, 2000.0])
+def test_ends_that_no_joint_fits_between_give_a_small_circle_or_a_finite_one(rng, apart):
+    (hip, knee, _), body = leg(rng)
+    ends = np.stack([hip, hip + np.array([apart, 0.0, 0.0])], axis=1)
+    found = hinge_frames(ends, (400.0, 430.0), body, knee, 50)
+    assert found is None or (np.isfinite(found[0].axes).all() and (found[1] >= 8.0).all())
+
+
+def test_a_joint_on_the_line_has_no_frame(rng):
+    turns = np.broadcast_to(np.eye(3), (10, 3, 3))
+    ends = np.broadcast_to([[0.0, 0, 0], [0, 0, 800.0]], (10, 2, 3))
+    knee = np.broadcast_to([0.0, 0, 400.0], (10, 3))
+    assert hinge_frames(ends, (400.0, 400.0), BodyFrames(turns, ends[:, 0]), knee, 10) is None
