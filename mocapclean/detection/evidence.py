@@ -15,7 +15,7 @@ from mocapclean.detection import paths
 from mocapclean.detection.exchanges import Exchange, exchange, exchanges
 from mocapclean.detection.prediction import Prediction, complete, predict
 from mocapclean.detection.steps import BETWEEN, Step
-from mocapclean.geometry.rigidity import Rigidity, rigidity
+from mocapclean.geometry.distances import Rigidity, rigidity
 from mocapclean.numerics.robust import nan_median, nan_quantiles
 from mocapclean.take import Take
 

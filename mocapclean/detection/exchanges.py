@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.geometry.rigidity import Rigidity
+from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics.robust import nan_median
 
 _LEAST = 25.0

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
 from mocapclean.detection.robust_ridge import Rows, regress
 from mocapclean.detection.steps import Step, steps_of
-from mocapclean.geometry.rigidity import PARTNERS, Rigidity
-from mocapclean.geometry.segment_frames import lay
+from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.distances import PARTNERS, Rigidity
 from mocapclean.numerics import interpolation
 
 _ENOUGH = 10
@@ -56,7 +56,8 @@ def predict(
     paths = positions.transpose(2, 1, 0)
     able, at_once = np.flatnonzero(known), max(1, _AT_ONCE // n_frames)
     for markers in (able[first : first + at_once] for first in range(0, len(able), at_once)):
-        rows = Rows.of([_spaced(np.flatnonzero(usable[:, marker]), _TRAIN) for marker in markers.tolist()])
+        learnt_from = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
+        rows = Rows.of([frames[evenly_spaced(len(frames), _TRAIN)] for frames in learnt_from])
         seen = paths[:, around.partners[markers]].swapaxes(2, 3)
         turn, centre = _segments(seen, around.weights[markers], rows)
         local = _into(seen - centre[..., None], turn[..., None]) / around.scale[markers, None]
@@ -121,9 +122,3 @@ def _into(away: Floats, turn: Floats) -> Floats:
 def _out_of(local: Floats, turn: Floats) -> Floats:
     """Vectors (3, ...) of frames (3, 3, ...) in the world."""
     return np.stack([local[0] * turn[i, 0] + local[1] * turn[i, 1] + local[2] * turn[i, 2] for i in range(3)])
-
-
-def _spaced(frames: Ints, most: int) -> Ints:
-    if len(frames) <= most:
-        return frames
-    return np.asarray(frames[np.linspace(0, len(frames) - 1, most).astype(int)])

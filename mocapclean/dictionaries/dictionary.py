@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.dictionaries.body_parts import PARTS, BodyParts, bare_names, from_mapping
+from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames
 from mocapclean.errors import FormatError, MocapcleanError, UsageError
-from mocapclean.geometry.body_frames import BodyFrames, place_landmarks, plane_frames
+from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.take import Take
 
 SCHEMA = 1

@@ -24,7 +24,7 @@ from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import GRADES
 from mocapclean.experiments.jobs import Capture, Choice, Entry, Found, Job, grid, solve
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
-from mocapclean.geometry.pair_distances import pair_distances
+from mocapclean.geometry.distances import mean_distances
 from mocapclean.simulate import single_gaps
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.take import Take
@@ -126,7 +126,7 @@ def _is_computed(name: str, names: Sequence[str]) -> bool:
 
 def _repeated(take: Take) -> Bools:
     """The markers (M,) whose distance to an earlier one does not vary: nothing that is measured does so."""
-    _, deviation = pair_distances(take.positions, take.trusted, _LOOKS)
+    _, deviation = mean_distances(take.positions, take.trusted, _LOOKS)
     return np.asarray(np.triu(deviation < _EXACT, 1).any(axis=0))
 
 

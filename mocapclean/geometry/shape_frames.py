@@ -3,6 +3,7 @@
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
+from mocapclean.geometry.alignment import rotations_by_svd
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.numerics import interpolation
 
@@ -27,9 +28,7 @@ def shape_frames(positions: Floats, trusted: Bools) -> BodyFrames:
     for _ in range(_ROUNDS):
         shape = shape - shape.mean(axis=0)
         centres = seen @ shape / count
-        left, _, right = np.linalg.svd(np.einsum("fm,mi,fmj->fij", seen, shape, offsets, optimize=True))
-        left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-        axes = left @ right
+        axes = rotations_by_svd(np.einsum("fm,mi,fmj->fij", seen, shape, offsets, optimize=True))
         frames = BodyFrames(axes, middles - np.einsum("fij,fi->fj", axes, centres))
         laid = np.where(trusted[..., None], frames.to_local(known), 0.0)
         shape = laid.sum(axis=0) / np.maximum(seen.sum(axis=0), 1.0)[:, None]

@@ -10,8 +10,8 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
-from mocapclean.geometry.rigidity import rigidity
-from mocapclean.geometry.segment_frames import lay
+from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.distances import rigidity
 from mocapclean.numerics import interpolation
 from mocapclean.simulate.bounds import within
 from mocapclean.take import Take

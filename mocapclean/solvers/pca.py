@@ -37,8 +37,8 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.distances import mean_distances
 from mocapclean.geometry.moving_origin import moving_origin
-from mocapclean.geometry.pair_distances import pair_distances
 from mocapclean.numerics import interpolation
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import enclosed, fillable
@@ -106,7 +106,7 @@ def fill(local: Floats, trusted: Bools, params: Params) -> tuple[Floats, Bools, 
 
     In every frame and for every marker something is trusted. What is not trusted is not read.
     """
-    distances, _ = pair_distances(local, trusted, _DISTANCE_FRAMES)
+    distances, _ = mean_distances(local, trusted, _DISTANCE_FRAMES)
     estimate, filled, n_straight = np.where(trusted[..., None], local, 0.0), np.zeros_like(trusted), 0
     straight, inside = interpolation.linear(local, trusted), enclosed(trusted)
     for hole in _holes(trusted, distances, params):

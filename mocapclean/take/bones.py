@@ -4,13 +4,12 @@ from collections import defaultdict
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
+from mocapclean.geometry.distances import robust_distances
 from mocapclean.geometry.skeleton import Bone, Skeleton
-from mocapclean.numerics.robust import nan_median
 from mocapclean.take import Take
 
-_SAMPLE = 300
+_FEWEST_TOGETHER = 30
 _LARGEST_SPREAD = 3.0
 _LONGEST = 800.0
 _PARTNERS = 3
@@ -64,9 +63,9 @@ def rigid_pairs(take: Take) -> tuple[Bone, ...]:
     Length and spread are the median and the robust SD of the distance over up to 300 frames in which both are trusted;
     at least 30 such frames, and a distance of 800 mm at most, are asked for.
     """
-    frames = np.unique(np.linspace(0, len(take.trusted) - 1, min(_SAMPLE, len(take.trusted))).astype(int))
-    positions, trusted = take.positions[frames], take.trusted[frames]
-    median, spread = _distances(np.where(trusted[..., None], positions, np.nan), trusted)
+    if len(take.trusted) < 2:  # one frame shows no distance to be constant
+        return ()
+    median, spread = robust_distances(take.positions, take.trusted, _FEWEST_TOGETHER)
     good = (spread <= _LARGEST_SPREAD) & (median <= _LONGEST) & (median > 0)
     chosen = set()
     for marker in range(len(take.markers)):
@@ -77,23 +76,3 @@ def rigid_pairs(take: Take) -> tuple[Bone, ...]:
         Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b]), spread=float(spread[a, b]))
         for a, b in sorted(chosen)
     )
-
-
-def _distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
-    """Median and robust SD (M, M) of all marker distances; infinite spread where seen together too rarely."""
-    n_markers = positions.shape[1]
-    median = np.zeros((n_markers, n_markers))
-    spread = np.full((n_markers, n_markers), np.inf)
-    for a in range(n_markers - 1):
-        together = trusted[:, a, None] & trusted[:, a + 1 :]
-        enough = np.flatnonzero(together.sum(axis=0) >= min(30, len(positions)))
-        if not enough.size or len(positions) < 2:
-            continue
-        partners = a + 1 + enough
-        offset = positions[:, partners] - positions[:, a, None]
-        distance = np.sqrt(np.einsum("fpc,fpc->fp", offset, offset))
-        middle = nan_median(distance)
-        deviation = 1.4826 * nan_median(np.abs(distance - middle))
-        median[a, partners] = median[partners, a] = middle
-        spread[a, partners] = spread[partners, a] = deviation
-    return median, spread

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mocapclean.detection.exchanges import exchange, exchanges
-from mocapclean.geometry.rigidity import rigidity
+from mocapclean.geometry.distances import rigidity
 from mocapclean.simulate import perform
 
 

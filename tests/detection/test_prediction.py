@@ -6,8 +6,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mocapclean.detection.prediction import complete, predict
-from mocapclean.geometry.rigidity import rigidity
-from mocapclean.geometry.segment_frames import lay
+from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.distances import rigidity
 
 
 def kabsch(shape, seen, weights):

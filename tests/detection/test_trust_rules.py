@@ -10,7 +10,7 @@ from mocapclean.detection import RULES, _united, detect
 from mocapclean.detection.evidence import LEAST_SCORE, Evidence
 from mocapclean.detection.prediction import predict
 from mocapclean.formats import c3d, read, write
-from mocapclean.geometry.rigidity import rigidity
+from mocapclean.geometry.distances import rigidity
 from mocapclean.geometry.skeleton import move
 from mocapclean.pipeline.repair import fill
 from mocapclean.simulate import inject, perform

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 import mocapclean
 from mocapclean.evaluation.metrics import error
+from mocapclean.geometry.distances import mean_distances
 from mocapclean.geometry.moving_origin import moving_origin
-from mocapclean.geometry.pair_distances import pair_distances
 from mocapclean.simulate import hide, perform, single_gaps
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.pma.kernels import kernel_regression, likelihood
@@ -43,7 +43,7 @@ def test_pair_distances_are_those_of_the_frames_that_have_both(rng):
     positions = rng.normal(size=(700, 4, 3))
     trusted = rng.random((700, 4)) < 0.7
     trusted[:, 3] = False
-    mean, deviation = pair_distances(np.where(trusted[..., None], positions, np.nan), trusted, 1000)
+    mean, deviation = mean_distances(np.where(trusted[..., None], positions, np.nan), trusted, 1000)
     both = trusted[:, 0] & trusted[:, 2]
     distance = np.linalg.norm(positions[both, 0] - positions[both, 2], axis=1)
     assert mean[0, 2] == mean[2, 0] == pytest.approx(distance.mean())

@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
+from mocapclean.arrays import evenly_spaced
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, findings, lasting
 from mocapclean.parameters import STRICT
@@ -57,7 +58,7 @@ def _size(take: Take) -> float | None:
     n_frames, n_markers = take.trusted.shape
     if n_markers < _FEWEST:
         return None
-    frames = np.unique(np.linspace(0, n_frames - 1, min(_SAMPLE, n_frames)).astype(int))
+    frames = evenly_spaced(n_frames, _SAMPLE)
     known = np.where(take.trusted[frames, :, None], take.positions[frames], np.nan)
     apart = np.sort(np.linalg.norm(known[:, :, None] - known[:, None], axis=3), axis=2)[..., n_markers // 4]
     apart = apart[np.isfinite(apart)]

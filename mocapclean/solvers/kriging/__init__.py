@@ -34,9 +34,10 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.alignment import segment_frames
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.geometry.bone_projection import project
-from mocapclean.geometry.segment_frames import segment_frames
+from mocapclean.geometry.distances import distances_of_each
 from mocapclean.numerics import interpolation
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import enclosed, fillable
@@ -173,7 +174,7 @@ class Scene:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.operators = Operators(take.rate)
         self.positions = interpolation.linear(take.positions, take.trusted)
-        self.mean, self.variance = distances(self.positions, take.trusted)
+        self.mean, self.variance = distances_of_each(self.positions, take.trusted, sampled)
         self.known = take.trusted | short(take.trusted, max(1, round(SHORT * take.rate)))
         self.within: Bools = take.trusted | (self.known & enclosed(take.trusted))
         bridged = bridge_short(self.positions, take.trusted, self.known, take.rate, self.travelling)
@@ -465,21 +466,9 @@ def stiff_bones(take: Take, largest: float) -> tuple[Ints, Floats, Floats]:
     return ends, np.array([bone.length for bone in bones]), np.array([bone.spread for bone in bones])
 
 
-def distances(positions: Floats, trusted: Bools) -> tuple[Floats, Floats]:
-    """Mean and variance (M, M) of the distances of each marker from all, over up to 300 frames in which it is trusted.
-
-    Infinite where they are seen together in fewer than 10 of these frames, or a quarter of fewer frames.
-    """
-    mean, variance = np.full((2, trusted.shape[1], trusted.shape[1]), np.inf)
-    for marker in np.flatnonzero(trusted.any(axis=0)).tolist():
-        frames = spread_out(np.flatnonzero(trusted[:, marker]), N_SAMPLED, 1)
-        both, offsets = trusted[frames], positions[frames] - positions[frames, marker, None]
-        apart, count = np.sqrt(np.square(offsets).sum(axis=2)), both.sum(axis=0)
-        near = count >= min(10, len(frames) / 4)
-        mean[marker, near] = np.sum(apart[:, near], axis=0, where=both[:, near]) / count[near]
-        spread = np.square(apart[:, near] - mean[marker, near])
-        variance[marker, near] = np.sum(spread, axis=0, where=both[:, near]) / count[near]
-    return mean, variance
+def sampled(frames: Ints) -> Ints:
+    """Up to 300 of some frames, evenly among them."""
+    return spread_out(frames, N_SAMPLED, 1)
 
 
 def join(track: Floats, pieces: list[tuple[int, int]], rate: float) -> None:

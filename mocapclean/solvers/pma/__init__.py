@@ -41,10 +41,10 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 from scipy.linalg import lstsq
 
-from mocapclean.arrays import Bools, Floats, runs
+from mocapclean.arrays import Bools, Floats, evenly_spaced, runs
 from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.geometry.distances import mean_distances
 from mocapclean.geometry.moving_origin import moving_origin
-from mocapclean.geometry.pair_distances import even, pair_distances
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import pca
 from mocapclean.solvers.fillable import fillable
@@ -153,7 +153,7 @@ class Body:
     def __init__(self, local: Floats, trusted: Bools, params: Params, rate: float) -> None:
         self.local, self.trusted, self.params = local.copy(), trusted, params
         self.known, self.n_alone = trusted.copy(), 0
-        self.distances, self.looseness = pair_distances(local, trusted, _DISTANCE_FRAMES)
+        self.distances, self.looseness = mean_distances(local, trusted, _DISTANCE_FRAMES)
         self.window = _frames(params.weight_window, rate)
         self.components = pca.fill(local, trusted, pca.Params(bandwidth=params.bandwidth))[:2]
 
@@ -223,7 +223,7 @@ class Body:
         frames = np.flatnonzero(self.trusted[:, gap.marker] & np.all(self.known[:, chosen], axis=1))
         if len(present) < _FEWEST_MARKERS or len(frames) < _FEWEST_FRAMES:
             return None
-        frames = frames[even(len(frames), _LINEAR_FRAMES)]
+        frames = frames[evenly_spaced(len(frames), _LINEAR_FRAMES)]
         features, values = self.local[frames][:, chosen].reshape(len(frames), -1), self.local[frames, gap.marker]
         middle, centre = features.mean(axis=0), values.mean(axis=0)
         slopes = lstsq(features - middle, values - centre, cond=_STIFF, lapack_driver="gelsy", check_finite=False)[0]
@@ -267,7 +267,7 @@ class Lesson:
         self.params, self.enough = params, len(frames) >= _FEWEST_FRAMES
         if not self.enough:
             return
-        chosen = frames[even(len(frames), _SHAPE_FRAMES)]
+        chosen = frames[evenly_spaced(len(frames), _SHAPE_FRAMES)]
         references = local[chosen][:, list(triad)].swapaxes(0, 1)
         place = _local(references, local[chosen, marker])
         self.centre, self.scale = place.mean(axis=0), place.std(axis=0)
@@ -280,7 +280,7 @@ class Lesson:
         self.slopes = lstsq(design, self.targets, cond=_STIFF, lapack_driver="gelsy", check_finite=False)[0]
         self.known = np.linalg.norm(local[frames][:, list(triad)] - local[frames, marker][:, None], axis=-1)
         self.bounds = np.quantile(self.known, [0.01, 0.99], axis=0, method="hazen")
-        self.samples = self.known[even(len(frames), _DENSITY_FRAMES)].T
+        self.samples = self.known[evenly_spaced(len(frames), _DENSITY_FRAMES)].T
 
     def paths(self, gap: Gap, known: Floats, references: Floats) -> Iterator[Floats]:
         """The paths (n, 3) over a span, from the known positions (n, 3) at its ends and the references (3, n, 3)."""

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mocapclean.geometry.body_frames import BodyFrames, place_landmarks, plane_frames, register, rigidity
+from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames, rigidity
+from mocapclean.geometry.alignment import register
+from mocapclean.geometry.body_frames import BodyFrames
 
 GROUPS = [np.array([k]) for k in range(4)]
 TORSO = np.arange(6)

@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mocapclean.geometry.segment_frames import rotations, segment_frames
+from mocapclean.geometry.alignment import rotations, segment_frames
 
 
 @settings(max_examples=50, deadline=None)

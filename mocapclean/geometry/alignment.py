@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Floats, evenly_spaced
 from mocapclean.geometry.body_frames import BodyFrames
 
 _SAMPLE = 100
@@ -21,7 +21,7 @@ def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> list[BodyF
     shares = weights / weights.sum(axis=1, keepdims=True)
     middle = points.mean(axis=1, keepdims=True)
     offsets = points - middle
-    sample = offsets[np.unique(np.linspace(0, n_learnt - 1, min(n_learnt, _SAMPLE)).astype(int))]
+    sample = offsets[evenly_spaced(n_learnt, _SAMPLE)]
     beside = sample.transpose(1, 0, 2).reshape(points.shape[1], -1)
     shapes = _centred(np.repeat(sample[None, len(sample) // 2], len(shares), axis=0), shares)
     for _ in range(_ROUNDS):
@@ -85,10 +85,19 @@ def rotations(moments: Floats) -> Floats:
     found = ((kappa + 1.0) * unit + most * cofactors - cube) / np.where(flat, 1.0, denominator)
     turned: Floats = np.moveaxis(0.5 * (found + _cofactors(found)), 2, 0)
     if flat.any():
-        left, _, right = np.linalg.svd(moments[flat])
-        left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-        turned[flat] = left @ right
+        turned[flat] = rotations_by_svd(moments[flat])
     return turned
+
+
+def rotations_by_svd(moments: Floats) -> Floats:
+    """Return the rotations R (n, 3, 3), det R = 1, that maximise tr(Rᵀ H) for matrices H (n, 3, 3).
+
+    From the singular vectors of H; W. Kabsch, 1976, doi:10.1107/S0567739476001873. ``rotations`` is several times
+    faster and answers with these where H is near rank 1.
+    """
+    left, _, right = np.linalg.svd(moments)
+    left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+    return np.asarray(left @ right)
 
 
 def _cofactors(matrices: Floats) -> Floats:
@@ -98,3 +107,15 @@ def _cofactors(matrices: Floats) -> Floats:
         (x, y, z), (u, v, w) = matrices[i - 2], matrices[i - 1]
         found[i, 0], found[i, 1], found[i, 2] = y * w - z * v, z * u - x * w, x * v - y * u
     return found
+
+
+def register(shape: Floats, seen: Floats, weights: Floats, points: Floats) -> Floats:
+    """Points (n, 3) of shapes (n, T, 3) after laying each on what is seen of it (n, T, 3), by weighted least squares.
+
+    W. Kabsch, 1976, doi:10.1107/S0567739476001873.
+    """
+    share = (weights / weights.sum(axis=1, keepdims=True))[..., None]
+    middle, centre = np.sum(share * shape, axis=1), np.sum(share * seen, axis=1)
+    turns = rotations_by_svd((share * (shape - middle[:, None])).swapaxes(1, 2) @ (seen - centre[:, None]))
+    turned: Floats = ((points - middle)[:, None] @ turns)[:, 0]
+    return np.asarray(turned + centre)
