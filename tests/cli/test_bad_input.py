@@ -135,7 +135,7 @@ def test_a_full_disk_leaves_nothing_behind(folder):
 def test_stopped_in_the_middle_leaves_no_half_file(folder, number, code):
     before = files_in(folder)
     process = launch(
-        "fill", folder / "walk.c3d", "--method", "trnn2", "--set", "tolerance=0", "--set", "max_iterations=100000"
+        "fill", folder / "walk.c3d", "--method", "ialm", "--set", "tolerance=0", "--set", "max_iterations=1000000"
     )
     time.sleep(4)
     assert process.poll() is None, process.communicate()
