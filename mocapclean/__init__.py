@@ -7,7 +7,7 @@ TYPE_CHECKING = False  # as typing.TYPE_CHECKING, without the time that importin
 if TYPE_CHECKING:
     from mocapclean.detection import detect
     from mocapclean.formats import read, write
-    from mocapclean.pipeline.repair import fill
+    from mocapclean.pipeline.filling import fill
     from mocapclean.take import Take
 
 __version__ = "0.1.0"
@@ -15,7 +15,7 @@ __version__ = "0.1.0"
 _HOMES = {
     "read": "mocapclean.formats",
     "write": "mocapclean.formats",
-    "fill": "mocapclean.pipeline.repair",
+    "fill": "mocapclean.pipeline.filling",
     "detect": "mocapclean.detection",
     "Take": "mocapclean.take.take",
 }

@@ -15,7 +15,7 @@ from mocapclean.cli.options import FILE, reading, settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.formats import check_output, new_file
-from mocapclean.pipeline.check import Check, unchecked
+from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
 from mocapclean.report.junit import junit
 from mocapclean.report.record import checked
@@ -49,7 +49,7 @@ def command(
     _check_outputs([path for path in (junit_file, json_file) if path], [*takes, *([config] if config else [])], chosen)
     verdicts = dict[Path, Verdict]()
     with stopping() as stop:
-        answers: Answers[Path, Verdict] = run(Check(chosen), takes, limits(chosen, alone=len(takes) == 1), stop)
+        answers: Answers[Path, Verdict] = run(CheckTake(chosen), takes, limits(chosen, alone=len(takes) == 1), stop)
         with contextlib.closing(answers):
             _follow(answers, verdicts, chosen, len(takes))
     if stop.signal:

@@ -1,4 +1,4 @@
-"""Which method fills a take: the one that is asked for, or the one that does best on hidden samples of the take."""
+"""Choose the method that fills a take: that of the settings, or with ``auto`` the best on hidden samples."""
 
 from collections.abc import Callable
 from functools import partial
@@ -10,43 +10,63 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
 from mocapclean.evaluation.self_check import Check, SelfCheck
-from mocapclean.pipeline.outcome import Candidate, Choice
+from mocapclean.pipeline.outcome import Candidate, MethodChoice
 from mocapclean.solvers import ERROR_BARS, GAPWISE, SOLVERS
 from mocapclean.take import Solution, Take
 
 
 def solver(method: str, settings: Settings, library: Dictionary | None) -> Callable[[Take, Bools], Solution]:
-    """A method with its parameters from the settings; see ``prepared``."""
+    """Return a method with its parameters from the settings, as a function of a take and the samples wanted (F, M)."""
     return prepared(method, getattr(settings.methods, method), library)
 
 
 def prepared(method: str, params: Any, library: Dictionary | None = None) -> Callable[[Take, Bools], Solution]:
-    """A method with its parameters and dictionary, asked for the gaps of samples (F, M)."""
+    """Return a method with its parameters and dictionary, as a function of a take and the samples wanted (F, M)."""
     solve = partial(SOLVERS[method].solve, params=params, library=library)
     if method in GAPWISE:
         return lambda take, wanted: solve(take, wanted=wanted)
     return lambda take, wanted: solve(take)
 
 
-def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> tuple[Choice, SelfCheck]:
-    """Let every candidate of ``auto.methods`` fill the same hidden samples; what was chosen, and its self-check.
+def settle_method(
+    take: Take, wanted: Bools, settings: Settings, library: Dictionary | None
+) -> tuple[Settings, MethodChoice | None, SelfCheck | None]:
+    """Return the settings with a method in place of auto, how it was chosen, and its self-check where one is made."""
+    checks_itself = settings.checks_itself
+    choice: MethodChoice | None = None
+    checked: SelfCheck | None = None
+    if settings.method == "auto":
+        choice, checked = choose(take, wanted, settings, library)
+        settings = settings.model_copy(update={"method": choice.method})
+    # Candidates were compared on all their answers; max_error leaves some out, so the chosen one is checked again.
+    if checks_itself and (checked is None or settings.max_error is not None):
+        try:
+            solve = solver(settings.method, settings, library)
+            checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
+        except SolverError as error:
+            checked = SelfCheck(because=f"with more samples hidden the method fails: {error}")
+    return settings, choice, checked
 
-    The least 3D error wins among the candidates that fill the most of them; where nothing can be hidden, the first one
-    that can be used. Raises SolverError when there is none.
+
+def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> tuple[MethodChoice, SelfCheck]:
+    """Return which candidate of ``auto.methods`` fills the same hidden samples best, and its self-check.
+
+    The least 3D error wins among the candidates that fill the most of them. Where nothing can be hidden, the first
+    candidate that can be used wins. Raises SolverError when no candidate can be used.
     """
     checks: dict[str, SelfCheck] = {}
     left_out: dict[str, str] = {}
     for method in settings.auto.methods:
         try:
             checks[method] = _check(method, take, wanted, settings, library)
-        except MocapcleanError as fault:
-            left_out[method] = str(fault)
+        except MocapcleanError as error:
+            left_out[method] = str(error)
     if not checks:
         reasons = " ".join(f"{method}: {reason}" for method, reason in left_out.items())
         raise SolverError(f"none of the methods that auto may choose can be used. {reasons}")
     method = min(checks, key=lambda name: _rank(checks[name].total))
     nothing = checks[method].because
-    choice = Choice(
+    choice = MethodChoice(
         method=method,
         because=f"the first, as {nothing}" if nothing else "the least 3D error of those that fill the most",
         candidates=tuple(
@@ -72,7 +92,7 @@ def _check(method: str, take: Take, wanted: Bools, settings: Settings, library: 
 
 
 def _rank(total: Check) -> tuple[int, float]:
-    """Hidden samples left, then the error: the least is the best."""
+    """Return the number of hidden samples left and then the error; the least rank is the best."""
     if total.error is None:
         return total.samples, 0.0
     return total.samples - total.error.samples, total.error.rmse_3d

@@ -8,24 +8,25 @@ from typing import Any
 from mocapclean.evaluation.metrics import Error, Length
 from mocapclean.evaluation.self_check import Check, SelfCheck
 from mocapclean.take import Finding
+from mocapclean.take.status import Status
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gap:
+class GapReport:
     """A run of untrusted samples of one marker, and what became of it.
 
-    start, stop: half-open indices. rules: why it was distrusted. n_filled: how many of its samples were filled;
-    left_because: why not all of them. expected: the 3D error, mm, that the method expects of the samples it answered
-    for, even if they were left for it; None where it gives no sd. grade: what that makes of a filled gap, one of
-    ``GRADES``, or "". error: against the reference, if one was given.
+    start, stop: half-open indices. rules: the rules that distrust its samples. n_filled: how many samples were filled.
+    status: the status of its samples, or the most frequent one of those that were left. expected: the 3D error, mm,
+    that the method expects of the samples it answered; None where it gives no sd. grade: the grade of a filled gap,
+    one of ``GRADES``, or "". error: the error against the reference, if one was given.
     """
 
     marker: str
     start: int
     stop: int
     rules: tuple[str, ...]
+    status: Status
     n_filled: int = 0
-    left_because: str = ""
     expected: float | None = None
     grade: str = ""
     error: Error | None = None
@@ -33,7 +34,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A method that might have been chosen: how it did on the hidden samples, or why it was left out."""
+    """A candidate of method auto: its result on the hidden samples, or the reason why it was left out."""
 
     method: str
     total: Check
@@ -41,8 +42,8 @@ class Candidate:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
-    """The method that was chosen for a take, why, and among which."""
+class MethodChoice:
+    """The method that was chosen for a take, the reason, and its candidates."""
 
     method: str
     because: str
@@ -51,7 +52,7 @@ class Choice:
 
 @dataclass(frozen=True, kw_only=True)
 class Breach:
-    """A limit that a take does not keep: what was found and is allowed, where these are numbers, and what to do."""
+    """A limit that a take breaks: the value found and the value allowed, where these are numbers, and what to do."""
 
     limit: str
     message: str
@@ -63,7 +64,7 @@ class Breach:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """A take against its limits: what was measured, by limit, and what it does not keep."""
+    """The result of a check: the measured value for each limit, and the limits that the take breaks."""
 
     source: Path
     breaches: tuple[Breach, ...] = ()
@@ -83,7 +84,7 @@ class Verdict:
 
 @dataclass(frozen=True, kw_only=True)
 class BoneReport:
-    """One bone before and after the repair; reference: its known length, or the take's median, mm."""
+    """One bone before and after the repair; reference is its known length or the take's median, mm."""
 
     start: str
     end: str
@@ -94,12 +95,18 @@ class BoneReport:
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """Samples of the markers in play: all, distrusted (missing among them), filled, left, moved, invalidated."""
+    """Numbers of samples of the selected markers.
+
+    samples: all. untrusted: missing or distrusted. filled: supplied by the method, the replaced ones included.
+    replaced: measured in the file and supplied nevertheless, because a rule or the user distrusts them. left: untrusted
+    and not filled. moved: trusted and moved as asked. invalidated: marked missing in the output.
+    """
 
     samples: int
     untrusted: int
     missing: int
     filled: int
+    replaced: int
     left: int
     moved: int
     invalidated: int
@@ -107,9 +114,10 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What happened to one take: everything that a report says, and nothing that it computes.
+    """What happened to one take: everything that a report shows, so that a report computes nothing.
 
-    status is "repaired", "unchanged", "skipped" or "failed"; lengths are millimetres, spans are half-open indices.
+    status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
+    Lengths are millimetres, spans are half-open indices.
     """
 
     source: Path
@@ -127,10 +135,11 @@ class Outcome:
     first_frame: int = 1
     rate: float = 0.0
     method: str = ""
-    choice: Choice | None = None
+    choice: MethodChoice | None = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
     counts: Counts | None = None
-    gaps: tuple[Gap, ...] = ()
+    statuses: Mapping[Status, int] = field(default_factory=dict)
+    gaps: tuple[GapReport, ...] = ()
     findings: tuple[Finding, ...] = ()
     solution: Mapping[str, Any] = field(default_factory=dict)
     reference: Path | None = None

@@ -1,50 +1,40 @@
-"""A repaired take as NumPy arrays beside its file: positions, what became of every sample, and its error bar."""
+"""A repaired take as NumPy arrays beside its file: positions, the status of every sample, and its error bar."""
 
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from mocapclean.arrays import Floats
 from mocapclean.formats import new_file
 from mocapclean.take import Take
-
-STATUS = ("measured", "filled", "left", "distrusted", "moved")
-"""Names of the status codes: as the file has it; filled; missing before and after; distrusted, not filled, so that the
-file's own value stands; trusted and moved as asked."""
+from mocapclean.take.status import Codes, Status, first_rules, supplied
 
 
-def save(path: Path, before: Take, after: Take, sd: Floats | None, method: str) -> None:
+def save(path: Path, before: Take, after: Take, codes: Codes, sd: Floats | None, method: str) -> None:
     """Write one take as .npz, without pickles, complete or not at all.
 
-    before: what is trusted; after: the take as it was written; sd: (F, M) mm, or None if the method gives none. The
-    file holds markers (M,), rate (Hz), first_frame, positions (F, M, 3) in mm with NaN where a sample is left missing,
-    status (F, M) as codes into status_names, sd (F, M) in mm per coordinate with NaN for all but filled samples, and
-    method. Raises FormatError when it cannot be written.
+    before: the take with the trust that detection left. after: the take as it was written. codes: (F, M) the status of
+    every sample. sd: (F, M) mm, or None if the method gives none.
+
+    The file holds markers (M,), rate (Hz), first_frame and method. positions (F, M, 3) are mm, NaN where a sample is
+    missing still. status (F, M) are codes into status_names. rule (F, M) is the first rule that distrusts a sample, as
+    an index into rule_names. sd (F, M) is mm per coordinate, NaN for all but supplied samples. Raises FormatError when
+    the file cannot be written.
     """
-    codes = status(before, after)
-    bars = np.full(codes.shape, np.nan) if sd is None else np.where(after.filled, sd, np.nan)
+    by_method = supplied(codes)
+    missing_still = before.distrusted_by("missing") & ~by_method
+    rule, rule_names = first_rules(before)
     with new_file(path) as part, part.open("wb") as file:
         np.savez(
             file,
             markers=np.array(after.markers, dtype=np.str_),
             rate=np.float64(after.rate),
             first_frame=np.int64(after.first_frame),
-            positions=np.where((codes == STATUS.index("left"))[..., None], np.nan, after.positions),
+            positions=np.where(missing_still[..., None], np.nan, after.positions),
             status=codes,
-            status_names=np.array(STATUS),
-            sd=bars,
+            status_names=np.array([status.code for status in Status]),
+            rule=rule,
+            rule_names=np.array(rule_names),
+            sd=np.full(codes.shape, np.nan) if sd is None else np.where(by_method, sd, np.nan),
             method=np.array(method),
         )
-
-
-def status(before: Take, after: Take) -> NDArray[np.uint8]:
-    """What became of every sample (F, M), as codes into ``STATUS``."""
-    masks = {
-        "moved": after.moved,
-        "filled": after.filled,
-        "measured": before.trusted,
-        "left": before.distrusted_by("missing"),
-    }
-    codes = [np.uint8(STATUS.index(name)) for name in masks]
-    return np.select(list(masks.values()), codes, default=np.uint8(STATUS.index("distrusted")))

@@ -1,6 +1,7 @@
-"""Say what happened to a take: count its samples, follow every gap, measure its bones, judge it against a truth."""
+"""Summarise what happened to a take: counts, every gap, bone lengths, and errors against a known truth."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,42 +10,22 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.evaluation import metrics
-from mocapclean.pipeline.outcome import BoneReport, Counts, Gap, Outcome
+from mocapclean.pipeline.outcome import BoneReport, Counts, GapReport, Outcome
 from mocapclean.take import Take
 from mocapclean.take.bones import bones_of
+from mocapclean.take.status import Codes, Status, supplied
 
 
-def account(
-    before: Take,
-    merged: Take,
-    after: Take,
-    wanted: Bools,
-    settings: Settings,
-    sd: Floats | None = None,
-    largest: float = np.inf,
-) -> Outcome:
-    """Count samples, gaps and bones.
+def summarise(before: Take, after: Take, codes: Codes, settings: Settings, sd: Floats | None = None) -> Outcome:
+    """Return the counts, gaps and bones of a take, as an Outcome without paths, hashes and method.
 
-    before: what is trusted; merged: what was solved; after: what was written; wanted: (F, M) what the user asked for;
-    sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none. largest: mm, the
-    largest coordinate that the file can hold.
-    The caller adds what only it knows: paths, hashes, method.
+    before: the take with the trust that detection left. after: the take as it was written. codes: (F, M) the status of
+    every sample. sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
     """
-    untrusted = ~before.trusted
-    left = untrusted & ~after.filled
-    missing = before.distrusted_by("missing")
-    counts = Counts(
-        samples=untrusted.size,
-        untrusted=int(untrusted.sum()),
-        missing=int(missing.sum()),
-        filled=int(after.filled.sum()),
-        left=int(left.sum()),
-        moved=int(after.moved.sum()),
-        invalidated=int((left & ~missing).sum()) if settings.invalidate else 0,
-    )
+    counts = _counts(before, codes, settings)
     limit = settings.left_limit(counts.samples)
     too_many = limit is not None and counts.left > limit
-    source, bones, tan = _bones(before, after)
+    bones_from, bones, skeleton_rmse = bone_reports(before, after)
     return Outcome(
         source=Path(),
         status="repaired" if counts.filled or counts.moved or counts.invalidated else "unchanged",
@@ -55,62 +36,68 @@ def account(
         first_frame=before.first_frame,
         rate=before.rate,
         counts=counts,
-        gaps=_gaps(before, merged, after, wanted, settings, sd, largest),
+        statuses=_statuses(codes),
+        gaps=_gaps(before, codes, settings, sd),
         findings=after.findings,
-        fitting=metrics.error(merged.positions, after.positions, after.changed),
-        bones_from=source,
+        bones_from=bones_from,
         bones=bones,
-        skeleton_rmse=tan,
+        skeleton_rmse=skeleton_rmse,
     )
 
 
-def _gaps(
-    before: Take, merged: Take, after: Take, wanted: Bools, settings: Settings, sd: Floats | None, largest: float
-) -> tuple[Gap, ...]:
+def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
+    untrusted = ~before.trusted
+    missing = before.distrusted_by("missing")
+    left = untrusted & ~supplied(codes)
+    return Counts(
+        samples=untrusted.size,
+        untrusted=int(untrusted.sum()),
+        missing=int(missing.sum()),
+        filled=int(supplied(codes).sum()),
+        replaced=int((codes == Status.REPLACED).sum()),
+        left=int(left.sum()),
+        moved=int((codes == Status.MOVED).sum()),
+        invalidated=int((left & ~missing).sum()) if settings.invalidate else 0,
+    )
+
+
+def _statuses(codes: Codes) -> Mapping[Status, int]:
+    """Return how many samples have each status that occurs."""
+    values, numbers = np.unique(codes, return_counts=True)
+    return {Status(value): int(number) for value, number in zip(values.tolist(), numbers.tolist(), strict=True)}
+
+
+def _gaps(before: Take, codes: Codes, settings: Settings, sd: Floats | None) -> tuple[GapReport, ...]:
+    """Return a report of every run of untrusted samples."""
     rules = {name: before.distrusted_by(name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
     for marker, start, stop in column_runs(~before.trusted):
         span = (slice(start, stop), marker)
-        left = ~after.filled[span]
+        n_filled = int(supplied(codes[span]).sum())
         expected = metrics.expected_error(sd[span]) if sd is not None else None
-        if settings.too_uncertain(expected):
-            why = "the expected error is above the limit"
-        elif (merged.filled[span] & (np.abs(merged.positions[span]) > largest).any(axis=1)).any():
-            why = "the file's numbers do not reach so far"
-        else:
-            why = _why_left(before, merged, wanted, marker, start, stop)
         gaps.append(
-            Gap(
+            GapReport(
                 marker=before.markers[marker],
                 start=start,
                 stop=stop,
                 rules=tuple(name for name, mask in rules.items() if mask[span].any()),
-                n_filled=int((~left).sum()),
-                left_because=why if left.any() else "",
+                status=_status_of(codes[span]),
+                n_filled=n_filled,
                 expected=expected,
-                grade=settings.grades.of(expected) if expected is not None and not left.all() else "",
+                grade=settings.grades.of(expected) if expected is not None and n_filled else "",
             )
         )
     return tuple(gaps)
 
 
-def _why_left(before: Take, merged: Take, wanted: Bools, marker: int, start: int, stop: int) -> str:
-    if not wanted[:, marker].any() and before.trusted[:, marker].any() and not wanted.all():
-        return "not asked for"
-    if not wanted[start, marker]:
-        return "longer than the limit"
-    if not before.trusted[:, marker].any():
-        return "the marker is never seen"
-    if merged.filled[start:stop, marker].all():
-        return "no pose reaches it"
-    if not before.trusted[start:stop].any(axis=1).all():
-        return "nothing is seen in some of these frames"
-    if start == 0 or stop == len(before.trusted):
-        return "at the end of the take, where the method has no answer"
-    return "the method has no answer here"
+def _status_of(codes: Codes) -> Status:
+    """Return the most frequent status of the samples of a gap that were left, or of all where none was left."""
+    left = codes[~supplied(codes)]
+    return Status(Counter((left if left.size else codes).tolist()).most_common(1)[0][0])
 
 
-def _bones(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
+def bone_reports(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
+    """Return where the bones come from, each bone before and after, and the RMS length error before and after, mm."""
     source, bones = bones_of(before)
     columns = {name: column for column, name in enumerate(before.markers)}
     ends = np.array([(columns[b.start], columns[b.end]) for b in bones], dtype=np.intp).reshape(-1, 2)
@@ -126,14 +113,14 @@ def _bones(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...], tupl
 
 
 def judge(outcome: Outcome, after: Take, truth: Take) -> Outcome:
-    """Add the error of the filled samples against the truth: in all, by marker, by length of gap, and by gap."""
+    """Return the outcome with the errors of the filled samples: in all, by marker, by length of gap, and by gap."""
     where = after.filled & truth.trusted
     columns = {name: column for column, name in enumerate(after.markers)}
 
     def judged(mask: Bools) -> metrics.Error | None:
         return metrics.error(truth.positions, after.positions, where & mask)
 
-    def mask_of(gaps: Sequence[Gap]) -> Bools:
+    def mask_of(gaps: Sequence[GapReport]) -> Bools:
         mask = np.zeros_like(where)
         for gap in gaps:
             mask[gap.start : gap.stop, columns[gap.marker]] = True
@@ -143,7 +130,7 @@ def judge(outcome: Outcome, after: Take, truth: Take) -> Outcome:
         column = columns[marker]
         return metrics.error(truth.positions[:, column], after.positions[:, column], where[:, column])
 
-    def of_gap(gap: Gap) -> metrics.Error | None:
+    def of_gap(gap: GapReport) -> metrics.Error | None:
         span = (slice(gap.start, gap.stop), columns[gap.marker])
         return metrics.error(truth.positions[span], after.positions[span], where[span])
 

@@ -13,10 +13,10 @@ import scipy
 
 from mocapclean import __version__
 from mocapclean.evaluation.metrics import GRADES
-from mocapclean.pipeline.outcome import Gap, Outcome, Verdict
+from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-SCHEMA = 2
+SCHEMA = 3
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
 _COUNTS = ("samples", "untrusted", "filled", "left")
@@ -118,6 +118,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
         "parameters": _plain(outcome.parameters),
         "solution": _plain(outcome.solution),
         "counts": _plain(outcome.counts),
+        "statuses": {status.code: number for status, number in outcome.statuses.items()},
         "gaps": [_gap(gap, first) for gap in outcome.gaps],
         "findings": [_finding(finding, first) for finding in outcome.findings],
         "accuracy": {
@@ -136,7 +137,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _gap(gap: Gap, first: int) -> dict[str, Any]:
+def _gap(gap: GapReport, first: int) -> dict[str, Any]:
     length = gap.stop - gap.start
     return {
         "marker": gap.marker,
@@ -146,7 +147,8 @@ def _gap(gap: Gap, first: int) -> dict[str, Any]:
         "rules": list(gap.rules),
         "filled": gap.n_filled == length,
         "samples_filled": gap.n_filled,
-        "left_because": gap.left_because,
+        "status": gap.status.code,
+        "left_because": gap.status.sentence,
         "expected_3d": _plain(gap.expected),
         "grade": gap.grade or None,
         "error": _plain(gap.error),

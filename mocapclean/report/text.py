@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from mocapclean.evaluation.metrics import GRADES, Error
-from mocapclean.pipeline.outcome import Breach, Candidate, Gap, Outcome, Verdict
+from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
 _LABEL = 12
@@ -171,13 +171,10 @@ def _left(outcome: Outcome) -> Iterable[str]:
     counts = outcome.counts
     assert counts is not None
     if counts.left:
-        reasons: Counter[str] = Counter()
-        for gap in outcome.gaps:
-            if gap.left_because:
-                reasons[gap.left_because] += gap.stop - gap.start - gap.n_filled
         yield _line("LEFT", f"{_plural(counts.left, 'sample')} unfilled")
-        for reason, count in reasons.most_common():
-            yield _line("", f"{count:,} {reason}")
+        reasons = [(number, status.sentence) for status, number in outcome.statuses.items() if status.sentence]
+        for number, reason in sorted(reasons, reverse=True):
+            yield _line("", f"{number:,} {reason}")
     if counts.moved:
         yield _line("moved", f"{_plural(counts.moved, 'trusted sample')}, as asked")
     if counts.invalidated:
@@ -292,7 +289,7 @@ def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterabl
 
 
 def _marker_table(outcome: Outcome) -> list[str]:
-    by_marker: dict[str, list[Gap]] = {}
+    by_marker: dict[str, list[GapReport]] = {}
     for gap in outcome.gaps:
         by_marker.setdefault(gap.marker, []).append(gap)
     rows = []
@@ -315,7 +312,7 @@ def _gap_table(outcome: Outcome) -> list[str]:
         "last": [str(gap.stop - 1 + first) for gap in gaps],
         "frames": [str(gap.stop - gap.start) for gap in gaps],
         "why": [", ".join(gap.rules) for gap in gaps],
-        "what became of it": [gap.left_because or ("filled" if gap.n_filled else "-") for gap in gaps],
+        "what became of it": [gap.status.sentence or ("filled" if gap.n_filled else "-") for gap in gaps],
         "expected 3D mm": ["" if gap.expected is None else f"{gap.expected:.2f}" for gap in gaps],
         "grade": [gap.grade for gap in gaps],
         "RMSE mm": [f"{gap.error.rmse:.2f}" if gap.error else "" for gap in gaps],

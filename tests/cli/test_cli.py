@@ -277,9 +277,10 @@ def test_a_sidecar_holds_what_the_file_holds(folder):
         assert tuple(arrays["markers"]) == got.markers
         assert np.array_equal(arrays["positions"][got.trusted], got.positions[got.trusted])
         assert str(arrays["method"]) == "dynammo"
-        assert np.array_equal(status == "left", ~got.trusted)
-        for name in ("filled", "left"):
-            assert (status == name).sum() == take["counts"][name] > 0
+        assert np.array_equal(status == "too_uncertain", ~got.trusted)
+        for name in ("filled", "too_uncertain"):
+            assert (status == name).sum() == take["statuses"][name] > 0
+        assert take["statuses"]["too_uncertain"] == take["counts"]["left"]
         assert np.array_equal(np.isfinite(arrays["sd"]), status == "filled")
 
 

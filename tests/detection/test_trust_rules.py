@@ -12,7 +12,7 @@ from mocapclean.detection.prediction import predict
 from mocapclean.formats import c3d, read, write
 from mocapclean.geometry.distances import rigidity
 from mocapclean.geometry.skeleton import move
-from mocapclean.pipeline.repair import fill
+from mocapclean.pipeline.filling import fill
 from mocapclean.simulate import inject, perform
 from mocapclean.take import Finding, Take
 

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 
 from mocapclean.config.settings import Limits, resolve
 from mocapclean.formats import c3d
-from mocapclean.pipeline.check import Check
+from mocapclean.pipeline.check import CheckTake
 from mocapclean.pipeline.outcome import Breach, Verdict
 from mocapclean.report.junit import junit
 from mocapclean.simulate import hide, inject, perform
@@ -47,7 +47,7 @@ run = partial(commands.run, "check")
 
 def breached(source, **limits):
     settings = resolve(None, {"check": limits, "method": "linear"})
-    return {breach.limit for breach in Check(settings)(source).breaches}
+    return {breach.limit for breach in CheckTake(settings)(source).breaches}
 
 
 LIMITS = [

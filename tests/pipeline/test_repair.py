@@ -5,6 +5,7 @@ import numpy as np
 from mocapclean.config.settings import resolve
 from mocapclean.formats import read
 from mocapclean.pipeline.repair import repair
+from mocapclean.take.status import Status
 from tests.c3d_builder import C3D
 
 
@@ -22,10 +23,8 @@ def test_a_gap_beyond_the_numbers_of_the_file_is_left_and_the_others_are_filled(
     source.write_bytes(C3D(points, is_float=False).build())
     outcome = repair(source, output, resolve(None, {"trust": {}}))
     assert outcome.status == "repaired", outcome.error
-    assert {gap.marker: gap.left_because for gap in outcome.gaps} == {
-        "M1": "the file's numbers do not reach so far",
-        "M4": "",
-    }
+    assert {gap.marker: gap.status for gap in outcome.gaps} == {"M1": Status.OUT_OF_RANGE, "M4": Status.FILLED}
+    assert outcome.statuses[Status.OUT_OF_RANGE] == beyond.sum()
     before, after = read(source), read(output)
     assert after.trusted[100:140, 3].all()
     assert not after.trusted[beyond, 0].any()

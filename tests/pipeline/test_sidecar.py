@@ -6,9 +6,10 @@ import numpy as np
 
 import mocapclean
 from mocapclean.pipeline import sidecar
-from mocapclean.pipeline.repair import merge
+from mocapclean.pipeline.filling import merge
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Take
+from mocapclean.take.status import Status, detected, supply
 
 
 def broken_take() -> Take:
@@ -30,47 +31,39 @@ def repaired(take: Take, wanted: np.ndarray) -> Take:
     return merge(take, SOLVERS["linear"].solve(take, SOLVERS["linear"].Params()), wanted)
 
 
-def test_the_status_of_every_sample():
-    before = broken_take()
-    wanted = np.ones_like(before.trusted)
-    wanted[:, 2] = False
-    after = repaired(before, wanted)
-    moved = np.zeros_like(wanted)
-    moved[3, 0] = True
-    after = replace(after, moved=moved)
-    named = np.array(sidecar.STATUS)[sidecar.status(before, after)]
-    assert named[3, 0] == "moved"
-    assert (np.delete(named[:, 0], 3) == "measured").all()
-    assert (named[20:30, 1] == "filled").all()
-    assert (named[55:, 1] == "left").all()
-    assert (named[40:50, 2] == "distrusted").all()
-    assert (named[:, 3] == "left").all()
-    counts = {name: int((named == name).sum()) for name in sidecar.STATUS}
-    assert counts == {"moved": 1, "filled": 10, "left": 65, "distrusted": 10, "measured": 154}
+def status_of(before: Take, after: Take) -> np.ndarray:
+    codes = detected(before)
+    supply(codes, after.filled)
+    return codes
 
 
 def test_what_is_saved_is_what_is_read(tmp_path):
     before = broken_take()
     after = repaired(before, np.ones_like(before.trusted))
+    codes = status_of(before, after)
     sd = np.full(before.trusted.shape, 2.5)
     for name, bars in (("with", sd), ("without", None)):
-        sidecar.save(tmp_path / f"{name}.npz", before, after, bars, "linear")
+        sidecar.save(tmp_path / f"{name}.npz", before, after, codes, bars, "linear")
         with np.load(tmp_path / f"{name}.npz", allow_pickle=False) as arrays:
             found = dict(arrays)
         assert tuple(found["markers"]) == after.markers
         assert (float(found["rate"]), int(found["first_frame"]), str(found["method"])) == (100.0, 7, "linear")
         assert found["status"].dtype == np.uint8
-        assert tuple(found["status_names"]) == sidecar.STATUS
-        left = found["status"] == sidecar.STATUS.index("left")
-        assert np.isnan(found["positions"][left]).all()
-        assert np.array_equal(found["positions"][~left], after.positions[~left])
+        assert np.array_equal(found["status"], codes)
+        assert tuple(found["status_names"]) == tuple(status.code for status in Status)
+        missing_still = codes == Status.MISSING
+        assert np.isnan(found["positions"][missing_still]).all()
+        assert np.array_equal(found["positions"][~missing_still], after.positions[~missing_still])
         assert np.isnan(found["sd"][~after.filled]).all()
         assert (found["sd"][after.filled] == 2.5).all() if bars is not None else np.isnan(found["sd"]).all()
+        names = found["rule_names"][found["rule"]]
+        assert np.array_equal(names == "missing", ~before.trusted & (np.arange(4) != 2))
+        assert (names[before.trusted] == "").all()
     assert {path.name for path in tmp_path.iterdir()} == {"with.npz", "without.npz"}
 
 
 def test_the_same_take_gives_the_same_bytes(tmp_path):
     take = broken_take()
     for name in ("one", "two"):
-        sidecar.save(tmp_path / f"{name}.npz", take, take, None, "linear")
+        sidecar.save(tmp_path / f"{name}.npz", take, take, detected(take), None, "linear")
     assert (tmp_path / "one.npz").read_bytes() == (tmp_path / "two.npz").read_bytes()

@@ -1,0 +1,42 @@
+"""Fill a take in memory: one method's answer, put in where the take is not trusted and nowhere else."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pydantic import ValidationError
+
+from mocapclean.arrays import Bools
+from mocapclean.config.settings import DEFAULT_METHOD
+from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.errors import UsageError
+from mocapclean.solvers import SOLVERS
+from mocapclean.take import Solution, Take
+
+
+def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
+    """Return the take with its untrusted samples filled by one method; trusted samples stay bit for bit.
+
+    parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
+    learn from other takes. Raises UsageError for an unknown method or parameter, SolverError when the method has no
+    answer.
+    """
+    if method not in SOLVERS:
+        raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {method!r}.")
+    try:
+        params = SOLVERS[method].Params(**parameters)
+    except ValidationError as invalid:
+        faults = "; ".join(f"{f['loc'][0]}: {f['msg']}, got {f['input']!r}" for f in invalid.errors())
+        raise UsageError(f"the parameters of {method} must be valid. {faults}.") from None
+    return merge(take, SOLVERS[method].solve(take, params, library), np.ones_like(take.trusted))
+
+
+def merge(take: Take, solution: Solution, accepted: Bools) -> Take:
+    """Return the take with a solution's samples where they are accepted (F, M), answered and untrusted.
+
+    Trusted samples that the solver was asked to denoise (``moved``) are put in as well.
+    """
+    filled = accepted & solution.filled & ~take.trusted
+    moved = take.trusted & solution.moved if solution.moved is not None else np.zeros_like(filled)
+    positions = np.where((filled | moved)[..., None], solution.positions, take.positions)
+    return replace(take, positions=positions, filled=take.filled | filled, moved=take.moved | moved)

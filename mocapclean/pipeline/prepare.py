@@ -1,0 +1,127 @@
+"""Read a take, select its markers and detect what cannot be trusted: the part that fill, inspect and check share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mocapclean import formats
+from mocapclean.arrays import Ints
+from mocapclean.config.settings import Settings
+from mocapclean.detection import detect
+from mocapclean.detection.spans import distrust, read_spans
+from mocapclean.errors import UsageError
+from mocapclean.take import Take
+from mocapclean.take.bones import check_names, subject_of
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepared:
+    """A take as read, and the markers to work on with their trust lowered.
+
+    whole: all markers of the file. selected: the markers that ``--exclude`` leaves, after detection. columns: the
+    place of each selected marker in the whole take.
+    """
+
+    whole: Take
+    selected: Take
+    columns: Ints
+
+    @property
+    def format(self) -> str:
+        """The name of the file's format."""
+        return self.whole.origin.format if self.whole.origin else ""
+
+    @property
+    def largest(self) -> float:
+        """The largest coordinate that the file can hold, mm."""
+        return self.whole.origin.largest if self.whole.origin else np.inf
+
+    def restored(self, selected: Take) -> Take:
+        """Return the whole take with what happened to the selected markers."""
+        arrays = {name: getattr(self.whole, name).copy() for name in ("positions", "trusted", "filled", "moved")}
+        for name, array in arrays.items():
+            array[:, self.columns] = getattr(selected, name)
+        return replace(self.whole, findings=selected.findings, **arrays)
+
+
+def prepare(source: Path, settings: Settings) -> Prepared:
+    """Read a file, leave excluded markers out, and lower the trust of the others by spans and rules.
+
+    Raises FormatError for a file that cannot be read, UsageError for markers or spans that it does not have.
+    """
+    whole = _read(source, settings)
+    excluded = np.zeros(len(whole.markers), dtype=bool)
+    for pattern in settings.exclude:
+        excluded[matching(pattern, whole.markers, "--exclude")] = True
+    if excluded.all():
+        raise UsageError(f"{source}: --exclude must leave at least one marker.")
+    columns = np.flatnonzero(~excluded)
+    # The file's own gaps come first, so that a span of the user over a gap is not reported as missing by the user.
+    selected = detect(whole.select(columns), {"missing": settings.rules["missing"]})
+    if settings.gaps:
+        selected = distrust(selected, read_spans(settings.gaps))
+    rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
+    selected = detect(selected, rules, fix_swaps=settings.fix_swaps)
+    return Prepared(whole=whole, selected=selected, columns=columns)
+
+
+def _read(source: Path, settings: Settings) -> Take:
+    """Return the take with the skeleton and the extra points that the settings name."""
+    own_skeleton = formats.format_of(source) == "amc"
+    options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm}
+    if own_skeleton:
+        options["skeleton"] = settings.skeleton
+    take = formats.read(source, **options)
+    exact = [name for name in settings.markers if not set(name) & set("*?[")]
+    others = [name for name in exact if not _matches(name, take.markers)]
+    if others and formats.format_of(source) == "c3d":
+        take = formats.read(source, points=others, **options)
+    if settings.skeleton and not own_skeleton:
+        skeleton = formats.read_skeleton(settings.skeleton, settings.unit_mm)
+        check_names(take.markers, skeleton)
+        take = replace(take, skeleton=skeleton)
+    return take
+
+
+def read_reference(selected: Take, settings: Settings) -> Take | None:
+    """Return the true take with the markers of the selected one, or None where the settings name none.
+
+    Markers that the reference does not have are untrusted in it. Raises UsageError unless it has as many frames and
+    shares a marker.
+    """
+    path = settings.reference
+    if path is None:
+        return None
+    skeleton = settings.skeleton if formats.format_of(path) == "amc" else None
+    truth = formats.read(path, skeleton=skeleton, rate=settings.rate, unit=settings.unit_mm)
+    if len(truth.trusted) != len(selected.trusted):
+        raise UsageError(
+            f"{path}: the reference must have the take's {len(selected.trusted)} frames. Got {len(truth.trusted)}."
+        )
+    columns = {name: column for column, name in enumerate(truth.markers)}
+    order = np.array([columns.get(name, -1) for name in selected.markers])
+    if (order < 0).all():
+        raise UsageError(f"{path}: the reference must share marker names with the take.")
+    return replace(selected, positions=truth.positions[:, order], trusted=truth.trusted[:, order] & (order >= 0))
+
+
+def _matches(pattern: str, markers: Sequence[str]) -> list[int]:
+    return [
+        column
+        for column, marker in enumerate(markers)
+        if fnmatchcase(marker, pattern) or fnmatchcase(subject_of(marker)[1], pattern) or marker == pattern
+    ]
+
+
+def matching(pattern: str, markers: Sequence[str], option: str) -> list[int]:
+    """Return the columns of the markers that a pattern matches; UsageError, naming the option, if none does."""
+    found = _matches(pattern, markers)
+    if not found:
+        near = get_close_matches(pattern, markers, n=3) or list(markers[:5])
+        raise UsageError(f"{option} must name markers of the take. Got {pattern!r}; near: {', '.join(near)}.")
+    return found
