@@ -1,4 +1,4 @@
-"""One take against limits: read, detect, measure, and say which limits it does not keep; nothing is written."""
+"""Check one take against limits: prepare it, measure it, and list the limits that it breaks; nothing is written."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,37 +23,38 @@ from mocapclean.take.bones import subject_of
 
 @dataclass(frozen=True)
 class CheckTake:
-    """Hold takes against the limits of ``settings.check``; work for a pool."""
+    """Check takes against the limits of ``settings.check``; callable by a pool of workers."""
 
     settings: Settings
 
     def __call__(self, job: Path) -> Verdict:
-        """Whether a take keeps the limits. What cannot be read is a breach, not an exception."""
+        """Return the verdict on a take. A file that cannot be read is a breach, not an exception."""
         started = perf_counter()
         try:
             verdict = _check(job, self.settings)
-        except MocapcleanError as fault:
+        except MocapcleanError as error:
             advice = "correct what the message names, or export the take again"
-            verdict = unchecked(job, "readable", str(fault), advice)
+            verdict = unchecked(job, "readable", str(error), advice)
         return replace(verdict, seconds=perf_counter() - started)
 
     def undo(self, job: Path) -> None:
-        """Nothing: a check leaves nothing behind."""
+        """Do nothing: a check leaves nothing to undo."""
 
 
 def unchecked(source: Path, limit: str, message: str, advice: str) -> Verdict:
-    """The verdict on a take of which nothing is known but what was in the way."""
+    """Return the verdict on a take that could not be checked."""
     return Verdict(source=source, breaches=(Breach(limit=limit, message=message, advice=advice),))
 
 
 def _check(source: Path, settings: Settings) -> Verdict:
+    """Return the verdict on a take; raises what reading and detection raise."""
     take = prepare(source, settings).selected
     limits = settings.check
     missing = take.distrusted_by("missing") | take.distrusted_by("user")
     _, bones, _ = bone_reports(take, take)
     bone = max(bones, key=lambda bone: bone.before.deviation or 0.0, default=None)
     measures: dict[str, float] = {
-        "longest_gap": max(_longest(column)[0] for column in missing.T),
+        "longest_gap": max(_longest_run(column)[0] for column in missing.T),
         "missing": _percent(missing),
         "distrusted": _percent(~take.trusted & ~missing),
         "swaps": sum(finding.rule == "swap" for finding in take.findings) // 2,
@@ -62,16 +63,16 @@ def _check(source: Path, settings: Settings) -> Verdict:
         "duration": round(len(take.trusted) / take.rate, 6),
     }
     breaches = [
-        *_of_take(take, measures, f"{bone.start} - {bone.end}" if bone else "", limits),
-        *_gaps(take, missing, _others(take, limits), limits.longest_gap),
-        *(breach for name, own in limits.markers.items() for breach in _of_markers(take, missing, name, own)),
-        *_required(take, limits),
+        *_take_breaches(take, measures, f"{bone.start} - {bone.end}" if bone else "", limits),
+        *_gap_breaches(take, missing, _without_own_gap_limit(take, limits), limits.longest_gap),
+        *(breach for name, own in limits.markers.items() for breach in _marker_breaches(take, missing, name, own)),
+        *_required_breaches(take, limits),
     ]
     if limits.expected_error is not None:
         error, why = _expected_error(take, settings)
         if error is not None:
             measures["expected_error"] = round(error, 3)
-        breaches += _of_error(error, why, limits.expected_error)
+        breaches += _error_breaches(error, why, limits.expected_error)
     return Verdict(
         source=source,
         format=take.origin.format if take.origin else source.suffix[1:].lower(),
@@ -85,16 +86,17 @@ def _check(source: Path, settings: Settings) -> Verdict:
 
 
 def _percent(mask: Bools) -> float:
+    """Return the share of True in a mask, in percent."""
     return round(100.0 * float(mask.mean()), 4) if mask.size else 0.0
 
 
-def _longest(column: Bools) -> tuple[int, int]:
-    """The length and the start of the longest run of a mask (F,)."""
+def _longest_run(column: Bools) -> tuple[int, int]:
+    """Return the length and the start of the longest run of a mask (F,)."""
     return max(((int(stop - start), int(start)) for start, stop in runs(column)), default=(0, 0))
 
 
-def _of_take(take: Take, measures: dict[str, float], bone: str, limits: Limits) -> Iterator[Breach]:
-    """The limits on the take as a whole."""
+def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: Limits) -> Iterator[Breach]:
+    """Yield the breaches of limits on the take as a whole."""
     for name, what, unit, advice in (
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
         ("distrusted", "of all samples cannot be trusted", " %", "read the findings"),
@@ -111,10 +113,9 @@ def _of_take(take: Take, measures: dict[str, float], bone: str, limits: Limits) 
         yield Breach(limit="rates", found=take.rate, message=message, advice="capture or export at that rate")
     duration = measures["duration"]
     if limits.shortest is not None and duration < limits.shortest:
-        message = f"the take lasts {duration:g} s, at least {limits.shortest:g} asked for"
-        yield Breach(
-            limit="shortest", found=duration, allowed=limits.shortest, message=message, advice="was it cut off?"
-        )
+        message = f"the take lasts {duration:g} s, at least {limits.shortest:g} s required"
+        advice = "look whether the take was cut off"
+        yield Breach(limit="shortest", found=duration, allowed=limits.shortest, message=message, advice=advice)
     if limits.longest is not None and duration > limits.longest:
         message = f"the take lasts {duration:g} s, {limits.longest:g} allowed"
         yield Breach(limit="longest", found=duration, allowed=limits.longest, message=message, advice="split it")
@@ -124,13 +125,13 @@ def _of_take(take: Take, measures: dict[str, float], bone: str, limits: Limits) 
                 yield Breach(limit="units", message=finding.message, advice=finding.advice)
 
 
-def _of_markers(take: Take, missing: Bools, pattern: str, limits: MarkerLimits) -> Iterator[Breach]:
-    """The limits on the markers of a name."""
+def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLimits) -> Iterator[Breach]:
+    """Yield the breaches of limits on the markers that a pattern matches."""
     columns = _columns(take, pattern)
     if not columns:
         message = f"no marker is called {pattern}, which has limits of its own"
         yield Breach(limit="markers", marker=pattern, message=message, advice="correct the name in check.markers")
-    yield from _gaps(take, missing, columns, limits.longest_gap)
+    yield from _gap_breaches(take, missing, columns, limits.longest_gap)
     for column in columns:
         for name, what, mask in (
             ("missing", "missing", missing),
@@ -148,16 +149,16 @@ def _of_markers(take: Take, missing: Bools, pattern: str, limits: MarkerLimits) 
                 )
 
 
-def _others(take: Take, limits: Limits) -> list[int]:
-    """The markers that have no longest gap of their own."""
+def _without_own_gap_limit(take: Take, limits: Limits) -> list[int]:
+    """Return the columns of the markers without a longest gap of their own."""
     own = {c for name, one in limits.markers.items() if one.longest_gap is not None for c in _columns(take, name)}
     return [column for column in range(len(take.markers)) if column not in own]
 
 
-def _gaps(take: Take, missing: Bools, columns: list[int], limit: int | None) -> Iterator[Breach]:
-    """The longest gap of each of some markers that is above the limit."""
+def _gap_breaches(take: Take, missing: Bools, columns: list[int], limit: int | None) -> Iterator[Breach]:
+    """Yield a breach for each of some markers whose longest gap is above the limit."""
     for column in columns:
-        length, start = _longest(missing[:, column])
+        length, start = _longest_run(missing[:, column])
         if limit is not None and length > limit:
             first, last = take.numbers(start, start + length)
             yield Breach(
@@ -170,7 +171,8 @@ def _gaps(take: Take, missing: Bools, columns: list[int], limit: int | None) -> 
             )
 
 
-def _required(take: Take, limits: Limits) -> Iterator[Breach]:
+def _required_breaches(take: Take, limits: Limits) -> Iterator[Breach]:
+    """Yield a breach for each required pattern with a marker that is absent or never seen."""
     for pattern in limits.required:
         columns = _columns(take, pattern)
         seen = [column for column in columns if take.trusted[:, column].any()]
@@ -186,6 +188,7 @@ def _required(take: Take, limits: Limits) -> Iterator[Breach]:
 
 
 def _columns(take: Take, pattern: str) -> list[int]:
+    """Return the columns of the markers that a pattern matches, with or without the subject."""
     return [
         column
         for column, name in enumerate(take.markers)
@@ -194,18 +197,19 @@ def _columns(take: Take, pattern: str) -> list[int]:
 
 
 def _expected_error(take: Take, settings: Settings) -> tuple[float | None, str]:
-    """The 3D error, mm, of the method on hidden samples of the take, or why there is none."""
+    """Return the 3D error, mm, of the method on hidden samples of the take, or None and the reason."""
     if take.trusted.all():
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
     solve = solver(method, settings, library)
-    found = self_check.check(take, np.ones_like(take.trusted), solve, settings.hiding)
-    error = found.total.error
-    return (error.rmse_3d, "") if error else (None, found.because or "nothing that was hidden could be filled")
+    checked = self_check.check(take, np.ones_like(take.trusted), solve, settings.hiding)
+    error = checked.total.error
+    return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")
 
 
-def _of_error(error: float | None, why: str, limit: float) -> Iterator[Breach]:
+def _error_breaches(error: float | None, why: str, limit: float) -> Iterator[Breach]:
+    """Yield a breach where the expected error of a fill is above its limit, or cannot be measured."""
     advice = "fill the longest gaps by hand, or look at the method"
     if error is None:
         message = f"the expected fill error cannot be measured: {why}"

@@ -1,4 +1,4 @@
-"""Verdicts as JUnit XML: one suite for each folder, one case for each take, one failure for all that it breaches."""
+"""Verdicts as JUnit XML: one suite for each folder, one case for each take, one failure for all its breaches."""
 
 import re
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def junit(verdicts: Sequence[Verdict]) -> bytes:
-    """The document, in the form that Jenkins, GitLab and the viewers of GitHub read (one ``failure`` a case)."""
+    """Return the XML document, in the form that Jenkins, GitLab and GitHub's viewers read (one ``failure`` a case)."""
     root = ElementTree.Element("testsuites", _totals("mocapclean check", verdicts))
     folders: dict[Path, list[Verdict]] = {}
     for verdict in verdicts:
@@ -59,5 +59,5 @@ def _case(suite: ElementTree.Element, verdict: Verdict) -> None:
 
 
 def _clean(text: str) -> str:
-    """Without the characters that XML cannot hold."""
+    """Return the text with "?" for characters that XML cannot hold."""
     return _NOT_XML.sub("?", text)

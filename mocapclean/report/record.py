@@ -1,4 +1,4 @@
-"""The report as one JSON record; ``docs/report.schema.json`` is its schema."""
+"""The report as JSON; ``docs/report.schema.json`` is its schema."""
 
 import json
 import math
@@ -24,9 +24,9 @@ _TOTALS = ("takes", *_STATUSES, *_COUNTS, "gaps", *GRADES)
 
 
 def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterator[str]:
-    """The report of a run, in pieces: versions, the resolved configuration, every take's row, and totals.
+    """Yield the report of a run in parts: versions, the resolved configuration, the row of every take, and totals.
 
-    Rows are asked for one after the other and let go of, however many there are.
+    Only one row is in memory at a time, however many there are.
     """
     head = _json(_head(config))
     yield head.removesuffix("\n}") + ',\n "takes": ['
@@ -51,7 +51,7 @@ def _head(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def checked(verdicts: Sequence[Verdict], config: Mapping[str, Any]) -> str:
-    """What ``check`` found, as JSON: versions, the configuration, every take with its breaches and findings, totals."""
+    """Return the result of ``check`` as JSON: versions, configuration, breaches and findings of every take, totals."""
     takes = [
         {
             "source": str(verdict.source),
@@ -79,13 +79,13 @@ def write(path: Path, rows: Iterable[Mapping[str, Any]], config: Mapping[str, An
 
 
 def _json(value: Any) -> str:
-    """A value as text: no not-a-number, and an escape for what is no character (of a name that is not UTF-8)."""
+    """Return a value as JSON text, with escapes for bytes of a name that are not UTF-8; raises ValueError for NaN."""
     found = json.dumps(value, indent=1, allow_nan=False, ensure_ascii=False)
     return found.encode("utf-8", "backslashreplace").decode()
 
 
 def _counted(each: Mapping[str, Any]) -> dict[str, int]:
-    """What a row adds to the totals."""
+    """Return the numbers that a row adds to the totals."""
     counts = each["counts"] or {}
     return {
         "takes": 1,
@@ -97,7 +97,7 @@ def _counted(each: Mapping[str, Any]) -> dict[str, int]:
 
 
 def row(outcome: Outcome) -> dict[str, Any]:
-    """One take, as it stands in the report."""
+    """Return the row of one take in the report."""
     first = outcome.first_frame
     return {
         "source": str(outcome.source),
@@ -169,7 +169,7 @@ def _finding(finding: Finding, first: int) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Dataclasses, paths and NumPy scalars as JSON values; what is not finite becomes null."""
+    """Return dataclasses, paths and NumPy scalars as JSON values; numbers that are not finite become null."""
     if is_dataclass(value) and not isinstance(value, type):
         return _plain(asdict(value))
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""The report for a terminal: the same record, short and aligned."""
+"""The terminal report: the record of a take in a few aligned lines."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
@@ -8,12 +8,12 @@ from mocapclean.evaluation.metrics import GRADES, Error
 from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-_LABEL = 12
-_NUMBERS = ("RMSE mm", "3D mm", "largest mm")
+_LABEL_WIDTH = 12  # characters of the left column
+_ERROR_COLUMNS = ("RMSE mm", "3D mm", "largest mm")
 
 
 def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = None) -> str:
-    """One repaired (or failed) take in a few lines; with ``verbose``, every gap and finding too."""
+    """Return the report of one repaired (or failed) take; with ``verbose``, every gap and finding too."""
     if outcome.status == "failed":
         return "\n".join(map(printable, [f"{outcome.source}", _line("failed", outcome.error)]))
     lines = [
@@ -40,7 +40,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
 
 
 def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
-    """What is in a take and where its gaps are."""
+    """Return the size of a take, its findings and where its gaps are; with ``verbose``, every gap too."""
     lines = [
         f"{outcome.source}",
         _line("take", _shape(outcome)),
@@ -56,25 +56,25 @@ def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
 
 
 def totals(counts: Mapping[str, int], n_earlier: int, report: Path | None) -> str:
-    """A run in one line: how many takes went which way, and how many of them an earlier run had done."""
+    """Return one line about a run: how many takes have each status, and how many an earlier run had done."""
     parts = ", ".join(f"{count:,} {status}" for status, count in sorted(counts.items()))
-    line = _plural(sum(counts.values()), "take") + (f": {parts}" if parts else "")
+    line = _count(sum(counts.values()), "take") + (f": {parts}" if parts else "")
     line += f"; {n_earlier:,} done before" if n_earlier else ""
     return printable(line + (f"; report in {report}" if report else ""))
 
 
 def printable(text: str) -> str:
-    """A line with escapes for what is no character or would steer a terminal; a file may hold any name."""
+    """Return a line with escapes for characters that cannot be printed or would control the terminal."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def verdict(take: Verdict, *, verbose: bool = False) -> str:
-    """One checked take in a line: whether it passes, or the worst of each limit that it does not keep.
+    """Return one line about a checked take: that it passes, or the worst breach of each limit.
 
-    With ``verbose``, a line for everything that it breaches, and what to do.
+    With ``verbose``, every breach has a line of its own, with advice.
     """
     if take.passes:
-        shape = f"{_plural(take.n_markers, 'marker')} x {_plural(take.n_frames, 'frame')}"
+        shape = f"{_count(take.n_markers, 'marker')} x {_count(take.n_frames, 'frame')}"
         missing, distrusted = take.measures["missing"], take.measures["distrusted"]
         return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted"
     if verbose:
@@ -82,16 +82,16 @@ def verdict(take: Verdict, *, verbose: bool = False) -> str:
     limits: dict[str, list[Breach]] = {}
     for breach in take.breaches:
         limits.setdefault(breach.limit, []).append(breach)
-    told = []
+    worst_of_each = []
     for breaches in limits.values():
         worst = max(breaches, key=lambda breach: breach.found or 0.0)
         more = f" (and {len(breaches) - 1} more)" if len(breaches) > 1 else ""
-        told.append(f"{worst.message}{more}")
-    return f"FAIL  {take.source}: {'; '.join(told)}"
+        worst_of_each.append(f"{worst.message}{more}")
+    return f"FAIL  {take.source}: {'; '.join(worst_of_each)}"
 
 
 def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
-    """Aligned columns: the first to the left, numbers to the right."""
+    """Return the lines of a table: the first column aligned left, columns of numbers aligned right."""
     cells = [list(header), *(list(row) for row in rows)]
     widths = [max(len(row[k]) for row in cells) for k in range(len(header))]
     numeric = [
@@ -104,18 +104,19 @@ def table(rows: Sequence[Sequence[str]], header: Sequence[str]) -> list[str]:
 
 
 def _line(label: str, text: str) -> str:
-    return f"  {label:<{_LABEL}}{text}"
+    return f"  {label:<{_LABEL_WIDTH}}{text}"
 
 
-def _plural(count: int, word: str) -> str:
-    return f"{count:,} {word}{'' if count == 1 else 's'}"
+def _count(number: int, word: str) -> str:
+    """Return a number with its noun, in the plural but for 1."""
+    return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
 def _shape(outcome: Outcome) -> str:
     first, last = outcome.first_frame, outcome.first_frame + outcome.n_frames - 1
     seconds = outcome.n_frames / outcome.rate
     return (
-        f"{outcome.format.upper()}, {_plural(outcome.n_markers, 'marker')} x {_plural(outcome.n_frames, 'frame')} "
+        f"{outcome.format.upper()}, {_count(outcome.n_markers, 'marker')} x {_count(outcome.n_frames, 'frame')} "
         f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
     )
 
@@ -130,13 +131,13 @@ def _distrusted(outcome: Outcome) -> str:
     share = 100 * counts.untrusted / counts.samples
     longest = max(gap.stop - gap.start for gap in outcome.gaps)
     return (
-        f"{_plural(counts.untrusted, 'sample')} ({share:.2f} %) in {_plural(len(outcome.gaps), 'gap')} ({rules}), "
-        f"longest {_plural(longest, 'frame')}"
+        f"{_count(counts.untrusted, 'sample')} ({share:.2f} %) in {_count(len(outcome.gaps), 'gap')} ({rules}), "
+        f"longest {_count(longest, 'frame')}"
     )
 
 
 def _chosen(outcome: Outcome) -> Iterable[str]:
-    """What method auto chose, and how its candidates did."""
+    """Yield the method that auto chose, and the results of its candidates."""
     choice = outcome.choice
     if choice is None or not (outcome.counts and outcome.counts.untrusted):
         return
@@ -163,31 +164,31 @@ def _filled(outcome: Outcome) -> str:
     how = f"by {outcome.method}"
     if facts.get("iterations"):
         state = "converged" if facts.get("converged") else "not converged"
-        how += f" ({_plural(facts['iterations'], 'iteration')}, {state}: {facts.get('reason')})"
-    return f"{_plural(counts.filled, 'sample')} {how}"
+        how += f" ({_count(facts['iterations'], 'iteration')}, {state}: {facts.get('reason')})"
+    return f"{_count(counts.filled, 'sample')} {how}"
 
 
 def _left(outcome: Outcome) -> Iterable[str]:
     counts = outcome.counts
     assert counts is not None
     if counts.left:
-        yield _line("LEFT", f"{_plural(counts.left, 'sample')} unfilled")
+        yield _line("LEFT", f"{_count(counts.left, 'sample')} unfilled")
         reasons = [(number, status.sentence) for status, number in outcome.statuses.items() if status.sentence]
         for number, reason in sorted(reasons, reverse=True):
             yield _line("", f"{number:,} {reason}")
     if counts.moved:
-        yield _line("moved", f"{_plural(counts.moved, 'trusted sample')}, as asked")
+        yield _line("moved", f"{_count(counts.moved, 'trusted sample')}, as asked")
     if counts.invalidated:
-        yield _line("invalidated", f"{_plural(counts.invalidated, 'sample')} marked missing in the output")
+        yield _line("invalidated", f"{_count(counts.invalidated, 'sample')} marked missing in the output")
 
 
 def _expected(outcome: Outcome) -> Iterable[str]:
-    """How many filled gaps earn each grade, and the worst of them."""
+    """Yield the number of filled gaps of each grade, and the three with the largest expected error."""
     graded = sorted((gap for gap in outcome.gaps if gap.grade), key=lambda gap: -(gap.expected or 0.0))
     if not graded:
         return
     counts = Counter(gap.grade for gap in graded)
-    yield _line("expected", ", ".join(f"{_plural(counts[name], 'gap')} {name}" for name in GRADES if counts[name]))
+    yield _line("expected", ", ".join(f"{_count(counts[name], 'gap')} {name}" for name in GRADES if counts[name]))
     worst = ", ".join(
         f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_mm(gap.expected)}"
         for gap in graded[:3]
@@ -202,12 +203,12 @@ def _accuracy(outcome: Outcome) -> Iterable[str]:
         yield _line("error", f"no filled sample is known in {outcome.reference}")
         return
     yield _line("error", f"{_error(outcome.accuracy)}, against {outcome.reference}")
-    rows = [[name, f"{found.samples:,}", *_numbers(found)] for name, found in outcome.accuracy_by_length.items()]
-    yield from _indented(rows, ["gap in frames", "samples", *_NUMBERS])
+    rows = [[name, f"{error.samples:,}", *_numbers(error)] for name, error in outcome.accuracy_by_length.items()]
+    yield from _indented(rows, ["gap in frames", "samples", *_ERROR_COLUMNS])
 
 
-def _numbers(found: Error | None) -> list[str]:
-    return [f"{found.rmse:.2f}", f"{found.rmse_3d:.2f}", f"{found.largest:.1f}"] if found else ["-", "-", "-"]
+def _numbers(error: Error | None) -> list[str]:
+    return [f"{error.rmse:.2f}", f"{error.rmse_3d:.2f}", f"{error.largest:.1f}"] if error else ["-", "-", "-"]
 
 
 def _indented(rows: Sequence[Sequence[str]], header: Sequence[str]) -> Iterable[str]:
@@ -215,21 +216,21 @@ def _indented(rows: Sequence[Sequence[str]], header: Sequence[str]) -> Iterable[
 
 
 def _self_check(outcome: Outcome) -> Iterable[str]:
-    """The error on hidden samples of the take itself, by length of gap."""
-    found = outcome.self_check
-    if found is None or not (outcome.counts and outcome.counts.untrusted):
+    """Yield the error on hidden samples of the take itself, by length of gap."""
+    checked = outcome.self_check
+    if checked is None or not (outcome.counts and outcome.counts.untrusted):
         return
-    if found.because:
-        yield _line("self-check", f"not possible: {found.because}")
+    if checked.because:
+        yield _line("self-check", f"not possible: {checked.because}")
         return
-    total = found.total
-    hidden = f"{_plural(total.samples, 'sample')} hidden in {_plural(total.gaps, 'gap')}"
+    total = checked.total
+    hidden = f"{_count(total.samples, 'sample')} hidden in {_count(total.gaps, 'gap')}"
     yield _line("self-check", f"{_error(total.error)}, on {hidden}" if total.error else f"none filled of {hidden}")
     rows = [
         [name, str(check.gaps), f"{check.samples:,}", *_numbers(check.error), _share(check.covered)]
-        for name, check in found.by_length.items()
+        for name, check in checked.by_length.items()
     ]
-    header = ["gap in frames", "gaps", "samples", *_NUMBERS, "within 90 %"]
+    header = ["gap in frames", "gaps", "samples", *_ERROR_COLUMNS, "within 90 %"]
     width = len(header) - (total.covered is None)
     yield from _indented([row[:width] for row in rows], header[:width])
     if total.error and total.error.samples < total.samples:
@@ -240,16 +241,16 @@ def _share(share: float | None) -> str:
     return "-" if share is None else f"{100 * share:.0f} %"
 
 
-def _error(found: Error) -> str:
-    return f"{found.rmse:.2f} mm per coordinate, {found.rmse_3d:.2f} mm in 3D, largest {found.largest:.1f} mm"
+def _error(error: Error) -> str:
+    return f"{error.rmse:.2f} mm per coordinate, {error.rmse_3d:.2f} mm in 3D, largest {error.largest:.1f} mm"
 
 
 def _stored(outcome: Outcome) -> Iterable[str]:
-    found = outcome.fitting
-    if found is not None and found.largest >= 0.05:
+    distance = outcome.fitting
+    if distance is not None and distance.largest >= 0.05:
         yield _line(
             "fitted",
-            f"{found.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {found.largest:.1f} mm",
+            f"{distance.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {distance.largest:.1f} mm",
         )
 
 
@@ -304,7 +305,7 @@ def _marker_table(outcome: Outcome) -> list[str]:
 
 
 def _gap_table(outcome: Outcome) -> list[str]:
-    """Every gap; a column with nothing in it is left out."""
+    """Return the table of all gaps, without columns that are empty."""
     first, gaps = outcome.first_frame, outcome.gaps
     columns = {
         "marker": [gap.marker for gap in gaps],
