@@ -1,5 +1,6 @@
 """The documents say what is true: their code runs, their tables and examples are complete."""
 
+import json
 import re
 import shlex
 from dataclasses import fields
@@ -12,6 +13,7 @@ from mocapclean.cli import cli
 from mocapclean.config.settings import Settings, resolve
 from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS
+from mocapclean.take.status import MEANINGS, Status
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
@@ -62,6 +64,16 @@ def test_every_method_is_in_the_tables_and_has_its_entry(name):
     entry = (ROOT / "docs" / "methods.md").read_text(encoding="utf-8").split(f"## `{name}`", 1)[1].split("\n## ")[0]
     for part in ("Model", "When", "Fails", "Cost"):
         assert f"**{part}" in entry
+
+
+def test_the_table_of_statuses_is_that_of_the_code():
+    text = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.*) \|$", text.split("## The status of a sample")[1].split("\n## ")[0], re.MULTILINE
+    )
+    assert rows == [(status.code, MEANINGS[status]) for status in Status]
+    schema = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
+    assert schema["$defs"]["status"]["enum"] == [status.code for status in Status]
 
 
 def test_links_lead_somewhere():
