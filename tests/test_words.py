@@ -10,10 +10,28 @@ import mocapclean
 
 ROOT = Path(mocapclean.__file__).parent
 MODULES = sorted(ROOT.rglob("*.py"))
-PRIVATE = set(
-    "scene piece look looks surer spare remains waits borne echoes toll wander backs rests narrowed jerk lesson hole holes "
-    "surely".split()
-)
+PRIVATE = {
+    "scene",
+    "piece",
+    "look",
+    "looks",
+    "surer",
+    "spare",
+    "remains",
+    "waits",
+    "borne",
+    "echoes",
+    "toll",
+    "wander",
+    "backs",
+    "rests",
+    "narrowed",
+    "jerk",
+    "lesson",
+    "hole",
+    "holes",
+    "surely",
+}
 """Words that were names of the project's own making; a textbook term exists for each."""
 
 
