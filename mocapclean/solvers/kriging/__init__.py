@@ -1,7 +1,7 @@
 """Regression kriging in body-segment frames: several predictors, stacked by their errors in the take itself.
 
-For a gap of marker k, y is the place of k in a frame of reference that travels with its body segment. The frame is
-aligned with those of k's most rigid neighbours that are known in the whole gap; a_t are their places in the frame:
+For a gap of marker k, y is the position of k in a frame of reference that travels with its body segment. The frame is
+aligned with those of k's most rigid neighbours that are known in the whole gap; a_t are their positions in the frame:
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn process bridged over the gap
 

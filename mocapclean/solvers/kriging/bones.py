@@ -1,4 +1,4 @@
-"""Bones of known length, to which filled samples are pulled."""
+"""The bones of a take, whose lengths the filled samples are moved to keep."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,9 @@ from mocapclean.geometry.bone_projection import project
 from mocapclean.take import Take
 from mocapclean.take.bones import known_bones, rigid_pairs
 
-MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps precisions finite
-MIN_BONE_SD = 1e-6  # of the same median, the least SD of a bone; keeps the weight of a known bone finite
+# Chosen by hand, to keep the weights below finite; no sweep was kept.
+MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample
+MIN_BONE_SD = 1e-6  # of the same median, the least SD of a bone
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class Bones:
 
     @classmethod
     def of(cls, take: Take, max_spread: float) -> "Bones":
-        """Return the skeleton's bones and the rigid pairs of a take whose distance has an SD of ``max_spread`` mm."""
+        """Return the skeleton's bones, and the rigid pairs whose distance has an SD of at most ``max_spread`` mm."""
         columns = {name: column for column, name in enumerate(take.markers)}
         known = known_bones(take.markers, take.skeleton) if take.skeleton else ()
         measured = [bone for bone in rigid_pairs(take) if bone.spread <= max_spread]

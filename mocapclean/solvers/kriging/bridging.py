@@ -19,17 +19,16 @@ N_CACHED = 64  # patterns of times whose weights are kept; chosen by hand for sp
 
 
 class BridgeWeights:
-    """Weights and variances of Matérn bridges at one frame rate; the patterns of times met last are cached."""
+    """Weights and variances of Matérn bridges at one frame rate, Hz; the patterns of times met last are cached."""
 
     def __init__(self, rate: float) -> None:
-        """rate: Hz."""
         lengths, noises = np.transpose(KERNELS)
         self.kernels = lengths * rate / REFERENCE_RATE, noises
         self._cached = lru_cache(maxsize=N_CACHED)(self._solve)
 
     def bridge(self, known: Ints, wanted: Ints) -> tuple[Floats, Floats]:
         """Return the weights (kernels, n, k) of frames known (k,) at frames wanted (n,), and variances (kernels, n)."""
-        # Only differences of times count, so equal patterns elsewhere in the take share their weights.
+        # The covariance depends on differences of times alone: equal patterns anywhere in the take share their weights.
         return self._cached((known - wanted[0]).tobytes(), (wanted - wanted[0]).tobytes())
 
     def _solve(self, known: bytes, wanted: bytes) -> tuple[Floats, Floats]:
@@ -39,7 +38,8 @@ class BridgeWeights:
 class WindowGroup(NamedTuple):
     """Windows whose adjacent samples are known in the same pattern.
 
-    windows: numbers of the windows. known: which adjacent frames are known. weights: (kernels, m, len(known)).
+    windows: (g,) indices of the windows. known: (k,) indices of the adjacent frames that are known. weights: (kernels,
+    m, k) of these in the bridge.
     """
 
     windows: Ints

@@ -22,8 +22,8 @@ MATERN_KERNELS = tuple((length, noise) for length in (8.0, 20.0, 50.0) for noise
 POLYGON_LENGTH = 300.0
 """Length in frames at 120 Hz of the process of smoothness 1/2, exp(-d/ℓ).
 
-It is long beside a gap, so that the conditional mean is a polygon through the samples. Added with the choice of kernels
-by adjacent samples, for tracks that jump or rattle; chosen by hand.
+It is much longer than a short gap, so the conditional mean is a polygon through the samples, which does not overshoot
+where a track jumps or rattles. Chosen by hand; no sweep was kept.
 """
 N_KERNELS = len(MATERN_KERNELS) + 1
 MIN_VARIANCE = 1e-9  # of the process variance, keeps a division by the kriging variance finite
@@ -42,10 +42,9 @@ class DriftWeights(NamedTuple):
 
 
 class DriftKriging:
-    """Kriging weights at one frame rate, kept for each pattern of samples; the polygon's kernel comes last."""
+    """Kriging weights at one frame rate, Hz, kept for each pattern of samples; the polygon's kernel comes last."""
 
     def __init__(self, rate: float) -> None:
-        """rate: Hz."""
         scale = rate / REFERENCE_RATE
         self.lengths = np.array([length * scale for length, _ in MATERN_KERNELS])[:, None, None]
         self.noises = np.append([noise for _, noise in MATERN_KERNELS], 0.0)
@@ -66,6 +65,7 @@ class DriftKriging:
         return np.concatenate([matern(distances[None], self.lengths), polygon[None]])
 
     def _solve(self, samples: Ints, length: int) -> DriftWeights:
+        """Return what ``weights`` returns, from the linear system of the module's docstring."""
         k, gap = len(samples), np.arange(length)
         # The drift: a constant, and the time in units that keep its column near 1.
         drift = np.stack([np.ones(k), samples / MAX_PER_SIDE])

@@ -1,6 +1,6 @@
 """Choice of the frames that one gap segment is learnt from, tested on and bridged from.
 
-Frames are chosen evenly over the take, so that the cost of a gap does not grow with the take.
+A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
 """
 
 import numpy as np
@@ -10,25 +10,20 @@ from mocapclean.arrays import Bools, Floats, Ints
 REFERENCE_RATE = 120.0  # Hz, the frame rate at which the constants that count frames are given
 
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
-ADJACENT_STEPS = (
-    1,
-    2,
-    3,
-    5,
-    8,
-    13,
-    21,
-    34,
-)  # frames at 120 Hz from the edge of a gap; before a speed-up nine, up to 40
+ADJACENT_STEPS = (1, 2, 3, 5, 8, 13, 21, 34)
+"""Samples on each side of a gap that it is bridged from, counted from its edge at 120 Hz.
+
+Reduced from nine, up to the 40th, to save time.
+"""
 MIN_TRAINING = 10  # frames; with fewer known samples of the marker, a gap is not filled
 MAX_TRAINING_SHARE = 0.7  # of the known frames, used for training where too few frames are complete
 INCOMPLETE_TRAINING = 0.05  # mean share of missing neighbours above which training frames call for further passes
 MAX_WINDOW_MISSING = 0.1  # share of missing neighbours up to which any window is used
-CANDIDATES_PER_FRAME = 2  # times the window length, candidates that stay where all windows lack neighbours
+MIN_CANDIDATES = 2  # times the window length, candidate windows that are kept at least, those that lack least
 MIN_WINDOWS = 3  # windows; where fewer fit, their length is halved
 WINDOW_SPACING = 0.3  # of the window length, the least distance between the first frames of two windows
 MIN_WINDOW_SPACING = 5  # frames, the same where windows are short
-MAX_INSIDE = 6  # frames of a window in which the error is measured; ten before a speed-up
+MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced from ten to save time
 
 
 def spread_out(candidates: Ints, most: int, min_distance: int) -> Ints:
@@ -72,7 +67,7 @@ def window_offsets(length: int, rate: float, before: bool, after: bool) -> tuple
 
 
 def training_frames(known: Bools, missing_share: Floats, most: int) -> tuple[Ints, bool]:
-    """Return up to ``most`` frames to learn from, and whether these lack so many neighbours that a new pass may help.
+    """Return up to ``most`` frames to learn from, and whether these lack so many neighbours that later passes may help.
 
     known: (F,) whether the marker is known. missing_share: (F,) the share of its neighbours that is missing, by weight.
     """
@@ -103,9 +98,9 @@ def window_starts(
         candidates = np.arange(before, len(known) - length - after + 1)
         starts = candidates[unknown[candidates + length + after] == unknown[candidates - before]]
         if len(starts):
-            # Drop the windows that lack many neighbours, unless nearly all windows do.
+            # Drop the windows that lack many neighbours, unless too few would be left.
             mean = (missing[starts + length] - missing[starts]) / length
-            rank = min(CANDIDATES_PER_FRAME * length, len(starts)) - 1
+            rank = min(MIN_CANDIDATES * length, len(starts)) - 1
             starts = starts[mean <= max(MAX_WINDOW_MISSING, np.partition(mean, rank)[rank])]
         starts = spread_out(starts, n_windows, max(int(WINDOW_SPACING * length), MIN_WINDOW_SPACING))
         if len(starts) >= MIN_WINDOWS:

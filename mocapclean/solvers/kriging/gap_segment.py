@@ -1,4 +1,4 @@
-"""One segment of a gap: its neighbours, the frames that serve it, and its fill."""
+"""One segment of a gap: its neighbours, the frames that it is learnt from, and its fill."""
 
 import numpy as np
 
@@ -20,21 +20,23 @@ from mocapclean.solvers.kriging.stacking import combine
 from mocapclean.solvers.kriging.take_state import TakeState
 
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
-ADJACENT_REACH = 1.0 / 3.0  # s, how far from the gap samples are looked for that it is bridged from
+ADJACENT_REACH = 1.0 / 3.0  # s on each side of a gap in which samples are sought to bridge it from
 WINDOW_EDGE = 5  # frames at 120 Hz in which the marker is also known, on each bridged side of a window
 HELD_OUT_MARGIN = 3  # frames around a window that are held out of the regression with it
 MAX_REUSED_VARIANCE = 0.25  # of the mean variance of the segment, up to which a filled sample is bridged from
 
 
 class GapSegment:
-    """Frames ``start`` to ``stop`` of a gap of one marker, in all of which the same neighbours are known.
+    """A segment of a gap of one marker: the frames ``start`` to ``stop``, predicted from the neighbours known in all.
 
-    neighbours: (q,) columns in descending order of their weight. hinge_ends: positions of two among them, or empty.
-    incomplete_training: whether it was learnt from frames that lack many neighbours; set by ``fill``.
+    neighbours: (q,) columns in descending order of their weight. hinge_ends: two indices into them, or empty.
+    known: (F,) the samples of the marker that are known. incomplete_training: whether the segment was learnt from
+    frames that lack many neighbours; set by ``fill``.
     """
 
     def __init__(self, state: TakeState, marker: int, start: int, stop: int) -> None:
         self.state, self.marker, self.start, self.stop = state, marker, start, stop
+        # Neighbours that are known in the whole segment.
         weights = np.where(state.known[start:stop].all(axis=0), state.distances.weights(marker), 0.0)
         heaviest = np.argsort(-weights, kind="stable")[: max(p.n_features for p in PREDICTORS)]
         self.neighbours = heaviest[weights[heaviest] > 0.0]

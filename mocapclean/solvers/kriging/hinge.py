@@ -22,7 +22,7 @@ MIN_LENGTH = 1e-9  # mm, keeps a division by the distance between the ends finit
 
 
 def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> list[int]:
-    """Return where among ``neighbours`` (q,) the two ends are between which a marker bends, or an empty list.
+    """Return the indices into ``neighbours`` (q,) of the two ends between which a marker bends, or an empty list.
 
     The marker is rigid with both ends, and the ends are not rigid with each other. Of such pairs the one is chosen
     whose distance varies most, relative to the distances from the marker.
@@ -69,7 +69,7 @@ def hinge_frames(
 def radius_scaled(features: Floats, radii: Floats, training: slice) -> Floats:
     """Return centred features (N, p) in proportion to the radii (N,) of the circle, with the radii appended.
 
-    On a circle of radius r the joint's place is r times a function of its angle.
+    On a circle of radius r the joint's position is r times a function of its angle.
     """
     relative = (radii / radii[training].mean())[:, None]
     return np.hstack([(features - features[training].mean(axis=0)) * relative, RADIUS_SCALE * relative])

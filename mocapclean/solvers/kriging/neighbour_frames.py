@@ -24,10 +24,10 @@ def neighbour_frames(
     marker: int,
     frames: Ints,
 ) -> BodyFrames | None:
-    """Return frames of reference (n) at some frames of the take, each at the predicted place of a marker.
+    """Return frames of reference (n) at some frames of the take, each at the predicted position of a marker.
 
     positions: (F, M, 3). usable: (F, M) whether a sample may serve as a neighbour. n_training: most frames learnt from.
-    An origin is NaN where some neighbour is not usable. None where three neighbours or 20 frames are not to be had.
+    An origin is NaN where some neighbour is not usable. None with fewer than three neighbours or 20 training frames.
     """
     weights = distances.weights(marker)
     neighbours = np.argsort(-weights, kind="stable")[:N_FEATURES]

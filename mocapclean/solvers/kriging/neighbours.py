@@ -10,8 +10,8 @@ from mocapclean.solvers.kriging.frame_selection import spread_out
 
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
 MAX_DISTANCE_FRAMES = 300  # frames over which the distances of a marker are measured
-NEAR_RATIO = 25.0  # times the rigidity parameter (mm), the distance below which neighbours weigh about equally for it
-FEATURE_LOOSENESS = 2.5  # least looseness of feature scales: features are shrunk less sharply than frames
+NEAR_RATIO = 25.0  # times the rigidity parameter, the distance (50 mm) below which neighbours weigh about equally
+FEATURE_LOOSENESS = 2.5  # least looseness of the features' scales, which are more even than the weights in frames
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class NeighbourDistances:
     """Mean and variance of the distances between markers, and the neighbour weights that follow from them.
 
     mean, variance: (M, M), mm and mm²; row k is taken over frames in which marker k is trusted. Both are infinite for
-    pairs that are seldom trusted together. rigidity: mm, the SD of a distance below which neighbours count alike.
+    pairs that are seldom trusted together. rigidity: mm, the SD of a distance below which neighbours weigh alike.
     """
 
     mean: Floats
@@ -34,7 +34,9 @@ class NeighbourDistances:
     def weights(self, marker: int, looseness: float = 1.0) -> Floats:
         """Return the weight (M,) of each marker as a neighbour of one; 0 for itself and for pairs never measured.
 
-        w = 1 / ((Var d + (looseness · r)²) (E d + 25 r))      d the distance, r the rigidity parameter
+            w = 1 / ((Var d + (looseness · r)²) (E d + 25 r))      d the distance, r the rigidity parameter
+
+        looseness: times r, the SD of a distance below which neighbours weigh alike.
         """
         variance = self.variance[marker] + (looseness * self.rigidity) ** 2
         distance = self.mean[marker] + NEAR_RATIO * self.rigidity
@@ -43,7 +45,7 @@ class NeighbourDistances:
         return np.where(np.isfinite(weights), weights, 0.0)
 
     def rigid_scales(self, marker: int, neighbours: Ints, looseness: float = 1.0) -> Floats:
-        """Return the factors (n,) of the neighbours' places in a frame that turns with the segment.
+        """Return the factors (n,) of the neighbours' positions in a frame that turns with the segment.
 
         A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
         """
@@ -51,7 +53,7 @@ class NeighbourDistances:
         return np.asarray(1.0 / np.sqrt(self.variance[marker, neighbours] + slack**2), dtype=np.float64)
 
     def shifting_scales(self, marker: int, neighbours: Ints) -> Floats:
-        """Return the factors (n,) of the neighbours' places in a frame that only shifts: 1 / distance."""
+        """Return the factors (n,) of the neighbours' positions in a frame that only shifts: 1 / distance."""
         distance = self.mean[marker, neighbours] + NEAR_RATIO * self.rigidity
         return np.asarray(1.0 / distance, dtype=np.float64)
 

@@ -9,9 +9,11 @@ from mocapclean.solvers.kriging.gap_segment import GapSegment
 from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
 from mocapclean.solvers.kriging.take_state import TakeState
 
-SETTLED = (
-    0.3  # of a gap's SD, root mean square change in a pass up to which it is settled; chosen by hand, no sweep kept
-)
+SETTLED_CHANGE = 0.3
+"""Root mean square change of a gap in one pass, relative to its SD, up to which the gap is not filled again.
+
+It was added to save passes; chosen by hand, no sweep was kept.
+"""
 
 
 class GapSpan(NamedTuple):
@@ -23,7 +25,7 @@ class GapSpan(NamedTuple):
 
 
 class PassOutcome(NamedTuple):
-    """The outcome of one pass over some gaps.
+    """The outcome of one pass over some gaps, which decides what the next pass fills.
 
     incomplete_training: whether a gap was learnt from frames that lack many neighbours. split: gaps filled in segments.
     """
@@ -49,20 +51,22 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools | None) -> i
         if passes == 1:
             if incomplete:
                 # Gaps learn from filled samples: fill the others as well.
-                fill_gaps(state, [gap for gap in gaps if gap not in wanted_gaps])
-            # Split gaps go again, since each segment can now be bridged from the fill of the next.
+                fill_gaps(state, sorted(set(gaps) - set(wanted_gaps)))
+            # Split gaps are filled again, since each segment can now be bridged from the fill of the next one.
             to_fill = gaps if incomplete else outcome.split
         else:
+            # Later passes fill only the gaps that the last pass still changed.
             to_fill = [gap for gap in gaps if incomplete and _changed(state, gap, before)]
     return passes
 
 
 def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
-    """Fill gaps, each from the state before the pass, and put the result into the state."""
+    """Fill gaps and update the state; every gap is filled from the state before the pass."""
     incomplete, split = False, []
     positions, sd = state.positions.copy(), state.sd.copy()
     for gap in gaps:
         marker = gap.marker
+        # Segments in which the same neighbours are known are filled by themselves, then joined.
         spans = split_gap(state.known, state.distances.weights(marker), gap.start, gap.stop)
         for first, last in spans:
             segment = GapSegment(state, marker, first, last)
@@ -80,4 +84,4 @@ def _changed(state: TakeState, gap: GapSpan, before: Floats) -> bool:
     """Whether the fill of a gap differs from the positions before (F, M, 3) by more than a share of its SD."""
     span = slice(gap.start, gap.stop)
     change = state.positions[span, gap.marker] - before[span, gap.marker]
-    return bool(np.square(change).mean() > SETTLED**2 * np.square(state.sd[span, gap.marker]).mean())
+    return bool(np.square(change).mean() > SETTLED_CHANGE**2 * np.square(state.sd[span, gap.marker]).mean())

@@ -20,8 +20,8 @@ from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 class PredictionInput:
     """The data of one gap segment that all predictors share; N are the frames of the plan.
 
-    marker: column of the marker. neighbours: (q,) columns, the heaviest first. hinge_ends: two positions among the
-    neighbours, or empty. positions: (N, q, 3) of the neighbours and target: (N, 3) of the marker, mm, in the world.
+    marker: column of the marker. neighbours: (q,) columns, the heaviest first. hinge_ends: two indices into
+    them, or empty. positions: (N, q, 3) of the neighbours and target: (N, 3) of the marker, mm, in the world.
     held_out: (folds, n) training frames left out in each fold. error_floor: mm².
     """
 
@@ -85,7 +85,7 @@ def _predict(predictor: Predictor, frames: BodyFrames, inputs: PredictionInput) 
 
 
 def _features(predictor: Predictor, frames: BodyFrames, radii: Floats | None, inputs: PredictionInput) -> Floats:
-    """Return the features (N, p): scaled places of neighbours in the frame, then radii and poses where called for."""
+    """Return the features (N, p): scaled positions of neighbours in the frame, then radii and nearness to poses."""
     positions, training = inputs.positions, inputs.plan.parts[0]
     local = frames.to_local(positions[:, : predictor.n_features]) * _scales(predictor, inputs)[:, None]
     features = local.reshape(len(positions), -1)
@@ -98,7 +98,7 @@ def _features(predictor: Predictor, frames: BodyFrames, radii: Floats | None, in
 
 
 def _scales(predictor: Predictor, inputs: PredictionInput) -> Floats:
-    """Return the factors (n_features,) of the neighbours' places."""
+    """Return the factors (n_features,) of the neighbours' positions."""
     chosen = inputs.neighbours[: predictor.n_features]
     if predictor.n_framing:
         return inputs.distances.rigid_scales(inputs.marker, chosen, predictor.looseness)

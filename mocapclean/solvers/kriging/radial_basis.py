@@ -8,7 +8,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 
 WIDTH = 0.5  # SD of a Gaussian, of the root mean square distance of poses from their mean; chosen by hand
-HEIGHT = 0.5  # of the same distance, so that a ridge penalty shrinks Gaussians and places alike; chosen by hand
+HEIGHT = 0.5  # of the same distance, so that a ridge penalty shrinks Gaussians and positions alike; chosen by hand
 
 
 def pose_nearness(features: Floats, n_training: int, n_poses: int) -> Floats:

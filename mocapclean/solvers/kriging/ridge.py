@@ -1,4 +1,4 @@
-"""Ridge regression of a marker's place on features, for several penalties at once.
+"""Ridge regression of a marker's position on features, for several penalties at once.
 
     W = (AᵀA + λ s I)⁻¹ AᵀY      A (n, p) and Y (n, 3) centred, s = 3 tr(AᵀA) / p
 
@@ -10,17 +10,16 @@ from scipy.linalg.lapack import dposv
 
 from mocapclean.arrays import Bools, Floats
 
-COORDINATES = 3.0  # of a neighbour: the unit s is the mean sum of squares of one neighbour's place
+N_COORDINATES = 3.0  # of a neighbour: s is the mean, over neighbours, of the sum of squares of their coordinates
 
 
 class RidgeRegression:
-    """Ridge regressions of one target on one set of features, with or without some of the rows."""
+    """Ridge regressions of a target (n, 3) on features (n, p), both centred, with or without some of the rows."""
 
     def __init__(self, features: Floats, target: Floats) -> None:
-        """features: (n, p) and target: (n, 3), both centred."""
         self.features, self.target = features, target
         self.gram, self.cross = features.T @ features, features.T @ target
-        self.penalty_unit = COORDINATES * np.trace(self.gram) / len(self.gram) or 1.0
+        self.penalty_unit = N_COORDINATES * np.trace(self.gram) / len(self.gram) or 1.0
 
     def weights(self, penalties: Floats, held_out: Bools | None = None) -> Floats:
         """Return the weights W (λ, p, 3) for penalties (λ,), learnt without the rows held out (n,)."""

@@ -1,4 +1,4 @@
-"""The state of a take while its gaps are filled."""
+"""The state of a take while its gaps are filled: positions, their SD, and which samples are known."""
 
 from functools import partial
 from typing import TYPE_CHECKING
@@ -21,7 +21,7 @@ LONGEST_SHORT_GAP = 1.0 / 24.0  # s, gaps up to it are bridged over time; chosen
 
 
 class TakeState:
-    """A take while its gaps are filled; short gaps are bridged from the beginning.
+    """The state of a take while its gaps are filled; at first only short gaps are filled.
 
     positions: (F, M, 3) mm, trusted, filled, or interpolated linearly where not yet filled.
     sd: (F, M) mm per coordinate, NaN where nothing is filled.
@@ -39,6 +39,6 @@ class TakeState:
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
         # A neighbour in a gap at an end of the take is not used: markers lost together there would mislead each other.
         usable = take.trusted | (self.known & enclosed(take.trusted))
-        frames = partial(neighbour_frames, interpolated, take.trusted, usable, self.distances, params.learnt)
-        self.positions, self.sd = bridge_short_gaps(interpolated, take.trusted, self.known, take.rate, frames)
+        frames_for = partial(neighbour_frames, interpolated, take.trusted, usable, self.distances, params.learnt)
+        self.positions, self.sd = bridge_short_gaps(interpolated, take.trusted, self.known, take.rate, frames_for)
         self.missing = np.asarray(~self.known, dtype=float)
