@@ -64,7 +64,7 @@ class Params:
 
 
 def solve(take: Take, params: Params, library: Dictionary | None = None, wanted: Bools | None = None) -> Solution:
-    """Return the take with every gap filled that has known neighbours, gaps at the ends of the take included.
+    """Return a Solution with every gap filled that has known neighbours, gaps at the ends of the take included.
 
     wanted: (F, M) bool, the samples whose gaps need a fill; other gaps are filled only where these learn from them.
     ``sd`` is given for every filled sample.

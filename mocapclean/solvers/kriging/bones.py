@@ -26,7 +26,7 @@ class Bones:
     spreads: Floats
 
     @classmethod
-    def of(cls, take: Take, max_spread: float) -> "Bones":
+    def of_take(cls, take: Take, max_spread: float) -> "Bones":
         """Return the skeleton's bones, and the rigid pairs whose distance has an SD of at most ``max_spread`` mm."""
         columns = {name: column for column, name in enumerate(take.markers)}
         known = known_bones(take.markers, take.skeleton) if take.skeleton else ()

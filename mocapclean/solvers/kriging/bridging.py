@@ -1,4 +1,7 @@
-"""Matérn bridges over the windows and the gap of a sampling plan, by several kernels at once."""
+"""Matérn bridges over the windows and the gap of a sampling plan, by several kernels at once.
+
+A bridge is the conditional mean of a Matérn process in a gap or window, given the samples adjacent to it.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -32,6 +35,7 @@ class BridgeWeights:
         return self._cached((known - wanted[0]).tobytes(), (wanted - wanted[0]).tobytes())
 
     def _solve(self, known: bytes, wanted: bytes) -> tuple[Floats, Floats]:
+        """Return the same as ``bridge``, for frames given as bytes, which can be keys of a cache."""
         return bridge(np.frombuffer(known, dtype=np.intp), np.frombuffer(wanted, dtype=np.intp), *self.kernels)
 
 
@@ -50,16 +54,17 @@ class WindowGroup(NamedTuple):
 class PlanBridges:
     """The bridges of one sampling plan, shared by all predictors.
 
-    gap_weights: (kernels, L, k). gap_variance: (kernels, L) and window_variance: (kernels, m), shares of the variance
-    of the process. groups: the windows by the pattern of their known adjacent frames.
+    gap_weights: (kernels, L, k) of the samples adjacent to the gap.
+    gap_variance, window_variance: (kernels, L) and (kernels, m), as shares of the variance of the process.
+    groups: the windows by the pattern of their known adjacent frames.
     """
 
-    def __init__(self, plan: SamplingPlan, weights: BridgeWeights) -> None:
-        self.gap_weights, self.gap_variance = weights.bridge(plan.gap_adjacent, plan.gap)
+    def __init__(self, plan: SamplingPlan, bridge_weights: BridgeWeights) -> None:
+        self.gap_weights, self.gap_variance = bridge_weights.bridge(plan.gap_adjacent, plan.gap)
         patterns, pattern_of = np.unique(plan.adjacent_known, axis=0, return_inverse=True)
         self.groups = []
         for k, pattern in enumerate(patterns):
             known = np.flatnonzero(pattern)
-            inside_weights, _ = weights.bridge(plan.adjacent[known], plan.inside)
-            self.groups.append(WindowGroup(np.flatnonzero(pattern_of.ravel() == k), known, inside_weights))
-        self.window_variance = weights.bridge(plan.adjacent, plan.inside)[1]
+            weights, _ = bridge_weights.bridge(plan.adjacent[known], plan.inside)
+            self.groups.append(WindowGroup(np.flatnonzero(pattern_of.ravel() == k), known, weights))
+        self.window_variance = bridge_weights.bridge(plan.adjacent, plan.inside)[1]

@@ -1,4 +1,4 @@
-"""Choice of the frames that one gap segment is learnt from, tested on and bridged from.
+"""Choice of frames: those that a gap segment is learnt from, tested on and bridged from.
 
 A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
 """

@@ -20,9 +20,14 @@ from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 class PredictionInput:
     """The data of one gap segment that all predictors share; N are the frames of the plan.
 
-    marker: column of the marker. neighbours: (q,) columns, the heaviest first. hinge_ends: two indices into
-    them, or empty. positions: (N, q, 3) of the neighbours and target: (N, 3) of the marker, mm, in the world.
-    held_out: (folds, n) training frames left out in each fold. error_floor: mm².
+    marker: column of the marker.
+    neighbours: (q,) columns in descending order of their weight.
+    hinge_ends: two indices into the neighbours, or empty where the marker is no joint.
+    plan, bridges: the frames to learn, test and bridge from, and the bridges over them.
+    held_out: (folds, n) training frames held out in each fold.
+    positions: (N, q, 3) of the neighbours, mm, in the world.
+    target: (N, 3) positions of the marker, mm, in the world; not read in the gap.
+    error_floor: mm², mean square below which errors count as equal.
     """
 
     distances: NeighbourDistances
@@ -45,7 +50,7 @@ def predict_all(predictors: list[Predictor], inputs: PredictionInput) -> list[Kr
 
 
 def _frames_of_reference(predictors: list[Predictor], inputs: PredictionInput) -> list[BodyFrames]:
-    """Return the frames of reference of each predictor, before a hinge is put on them.
+    """Return the frames of reference of each predictor, before those of hinges are derived from them.
 
     They follow the framing neighbours; where there are none they only shift with the mean of all neighbours.
     """

@@ -34,8 +34,9 @@ MIN_LENGTH = 1e-300  # mm, keeps a division by the length of a vector finite
 class KrigingResult:
     """The prediction of one gap segment by regression kriging, and its errors in the windows.
 
-    positions: (L, 3) in the gap, mm. window_errors: (w, m, 3) truth less prediction, mm; w is 0 without windows.
-    gap_variance: (L,) and window_variance: (m,) the variance of the bridge, as a share of that of the process.
+    positions: (L, 3) in the gap, mm, in the coordinates of the target.
+    window_errors: (w, m, 3) mm, truth less prediction; w is 0 without windows.
+    gap_variance, window_variance: (L,) and (m,) variance of the bridge, as a share of that of the process.
     """
 
     positions: Floats

@@ -173,7 +173,7 @@ def _fill(tracks: _Tracks, gap: _Stretch, errors: _WindowErrors | None, kriging:
         errors = _WindowErrors(errors.squares[usable], errors.scaled[usable])
     values = tracks.at(gap.adjacent)[usable]
     # Errors of each kernel on each track.
-    squares, scaled = _mean_errors(values, gap, drift, errors)
+    squares, scaled = _kernel_errors(values, gap, drift, errors)
     # Weights of the kernels of each track, 1 / (mean square error)³, relative to the best.
     weights = ((squares.min() + EQUAL_ERROR) / (squares + EQUAL_ERROR)) ** ERROR_POWER
     # Each kernel's variance over the gap: kriging variance, scaled to its errors.
@@ -193,7 +193,7 @@ def _fill(tracks: _Tracks, gap: _Stretch, errors: _WindowErrors | None, kriging:
     return positions, np.sqrt(variances.sum(axis=(0, 1)) / sums.sum())
 
 
-def _mean_errors(
+def _kernel_errors(
     values: Floats, gap: _Stretch, drift: DriftWeights, errors: _WindowErrors | None
 ) -> tuple[Floats, Floats]:
     """Return the sum of square errors and the mean of scaled ones (tracks, kernels), mm², over samples and windows.

@@ -33,7 +33,7 @@ class TakeState:
     def __init__(self, take: Take, params: "Params") -> None:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.bridge_weights = BridgeWeights(take.rate)
-        self.bones = Bones.of(take, params.bone_spread)
+        self.bones = Bones.of_take(take, params.bone_spread)
         interpolated = interpolation.linear(take.positions, take.trusted)
         self.distances = NeighbourDistances.measured(interpolated, take.trusted, params.rigidity)
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
