@@ -81,7 +81,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
 
 
 def _changed(state: TakeState, gap: GapSpan, before: Floats) -> bool:
-    """Whether the fill of a gap differs from that in positions (F, M, 3) before the pass by more than a share of its SD."""
+    """Whether the fill of a gap differs from the positions (F, M, 3) before the pass by more than a share of its SD."""
     span = slice(gap.start, gap.stop)
     change = state.positions[span, gap.marker] - before[span, gap.marker]
     return bool(np.square(change).mean() > SETTLED_CHANGE**2 * np.square(state.sd[span, gap.marker]).mean())
