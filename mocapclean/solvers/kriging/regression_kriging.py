@@ -26,7 +26,7 @@ Eight penalties from 1e-7 were reduced to these for speed; no sweep was kept.
 """
 EFFECTIVE_SAMPLES = 48.0  # n of the likelihood, the independent errors; 24 while there were more penalties; by hand
 MIN_WEIGHT = 0.02  # of the best pair's weight; pairs below are dropped, which saves ridge solutions; chosen by hand
-MAX_EXCURSION = 2.0  # times the largest known distance from the mean; without it one prediction was 200 m off
+MAX_EXCURSION = 2.0  # times the largest known distance from the mean; by hand, after a prediction that was 200 m off
 MIN_LENGTH = 1e-300  # mm, keeps a division by the length of a vector finite
 
 
