@@ -2,8 +2,8 @@
 
     k(d) = (1 + s + s²/3) exp(−s),   s = √5 |d| / ℓ
 
-A process with it has two derivatives, so its conditional mean joins what it is given without a corner. B. Matérn, 1960;
-M. L. Stein, 1999, doi:10.1007/978-1-4612-1494-6.
+A process with this covariance has two derivatives, so its conditional mean joins the known values without a corner.
+B. Matérn, 1960; M. L. Stein, 1999, doi:10.1007/978-1-4612-1494-6.
 """
 
 from typing import Any
@@ -15,23 +15,25 @@ from mocapclean.arrays import Floats, Ints
 
 
 def matern(distances: NDArray[Any], length: float | Floats) -> Floats:
-    """The covariance at distances of any shape, in the unit of ``length`` (ℓ); 1 at distance 0."""
+    """Return the covariance at distances of any shape, in the unit of ``length`` (ℓ); 1 at distance 0."""
     scaled = np.abs(distances) * (np.sqrt(5.0) / length)
     covariance: Floats = (1.0 + scaled + scaled * scaled / 3.0) * np.exp(-scaled)
     return covariance
 
 
 def bridge(known: Ints, wanted: Ints, lengths: Floats, noises: Floats) -> tuple[Floats, Floats]:
-    """The weights (K, n, k) of values at times ``known`` (k,) in the conditional mean at times ``wanted`` (n,).
+    """Return the weights (K, n, k) of values at known times (k,) in the conditional mean at wanted times (n,).
 
-    And the conditional variance (K, n), as a share of the process's own; for each of K processes, of ``lengths`` (K,)
-    and with ``noises`` (K,), the variance of the values' own errors as a share of the process's. Times are whole.
-    Without known times the weights are empty and the variance is 1.
+    The second array is the conditional variance (K, n), as a share of the variance of the process. There are K
+    processes, with ``lengths`` (K,) and ``noises`` (K,): the variance of the errors of the known values, as the same
+    share. Times are whole numbers. Without known times the weights are empty and the variance is 1.
     """
     if not len(known):
         return np.zeros((len(lengths), len(wanted), 0)), np.ones((len(lengths), len(wanted)))
     own, across = np.abs(known[:, None] - known), np.abs(known[:, None] - wanted)
+    # Times are whole, so the covariance is computed once for each distance and then looked up.
     covariance = matern(np.arange(max(own.max(), across.max()) + 1), lengths[:, None])
+    # weights = (K + noise I)⁻¹ k,   variance = 1 - kᵀ (K + noise I)⁻¹ k
     systems = covariance[:, own] + noises[:, None, None] * np.eye(len(known))
     solved = np.linalg.solve(systems, covariance[:, across])
     variance = 1.0 - np.einsum("gkn,gkn->gn", covariance[:, across], solved)

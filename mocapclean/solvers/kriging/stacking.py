@@ -1,27 +1,68 @@
-"""The combination of several predictions that erred least where the truth is known."""
+"""Stacking: the weighted mean of several predictions with the least error in windows, and its SD.
+
+L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
+"""
 
 import numpy as np
 from scipy.optimize import nnls
 
 from mocapclean.arrays import Floats
+from mocapclean.solvers.kriging.regression_kriging import KrigingResult
+from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 
-_STIFF = 1e3
+SUM_STIFFNESS = 1e3  # weight of the condition Σ w = 1, large against moments of about 1; chosen by hand
+JITTER = 1e-9  # of the mean moment, added to the diagonal: equal predictors then have a Cholesky factor; by hand
+DISAGREEMENT_POWER = 0.5  # by which the variance grows with the ratio of disagreements; chosen by hand
+UNTESTED_FACTOR = 4.0  # times the predictors' disagreement, the variance without windows; chosen by hand
 
 
 def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
-    """Weights (p,) >= 0 of sum 1 that minimise the mean square of the weighted errors (p, n).
+    """Return the weights w (p,), w >= 0 and Σ w = 1, that minimise the mean square of the weighted errors (p, n).
 
-    The errors' covariances are lessened by the share ``shrinkage`` beside their variances, since a few windows tell
-    them badly. L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
+    shrinkage: share taken off the covariances of the errors, which a few windows estimate badly.
     """
     n = len(errors)
     moments = errors @ errors.T
     total = float(np.trace(moments))
     if n == 1 or total <= 0.0:
         return np.full(n, 1.0 / n)
+    # Shrink the off-diagonal moments, and scale the mean of the diagonal to 1.
     moments *= (1.0 - shrinkage) * n / total
     moments[np.diag_indices(n)] /= 1.0 - shrinkage
-    root = np.linalg.cholesky(moments + 1e-9 * np.eye(n)).T
-    weights, _ = nnls(np.vstack([root, np.full((1, n), _STIFF)]), np.append(np.zeros(n), _STIFF))
-    found: Floats = weights / weights.sum()
-    return found
+    # wᵀ (RᵀR) w = |R w|² for non-negative w; the last row makes Σ w = 1.
+    root = np.linalg.cholesky(moments + JITTER * np.eye(n)).T
+    system = np.vstack([root, np.full((1, n), SUM_STIFFNESS)])
+    weights, _ = nnls(system, np.append(np.zeros(n), SUM_STIFFNESS))
+    return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+
+def combine(results: list[KrigingResult], plan: SamplingPlan, noise: float, shrinkage: float) -> tuple[Floats, Floats]:
+    """Return the stacked prediction (L, 3) of a gap and its SD (L,) per coordinate, mm.
+
+    noise: mm, least SD. shrinkage: that of ``stacking_weights``. With e the stacked error in windows, v_t the bridge
+    variance over the gap and v̄ its mean over a window, D and D₀ the mean square disagreement of the predictors in the
+    gap and in windows:
+
+        SD_t² = noise² + mean(e²) · v_t / v̄ · (gap length / window length) · max((D + noise²) / (D₀ + noise²), 1)^½
+    """
+    positions = np.stack([result.positions for result in results])
+    errors = np.stack([result.window_errors for result in results])
+    weights = stacking_weights(errors.reshape(len(results), -1), shrinkage)
+    stacked = np.tensordot(weights, positions, axes=1)
+    gap_disagreement = np.square(positions - stacked).mean(axis=(0, 2))
+    floor = noise**2
+    if not errors.size:
+        # Without windows only the disagreement shows the error.
+        return stacked, np.sqrt(floor + UNTESTED_FACTOR * gap_disagreement)
+    # D₀, and v_t and v̄ of the stack.
+    stacked_error = np.tensordot(weights, errors, axes=1)
+    window_disagreement = float(np.square(errors - stacked_error).mean())
+    gap_variance = sum(w * result.gap_variance for w, result in zip(weights, results, strict=True))
+    window_variance = sum(w * result.window_variance for w, result in zip(weights, results, strict=True))
+    process_variance = float(np.square(stacked_error).mean()) / float(window_variance.mean())
+    # Windows are shorter than the gap where too few of its length fit; the variance then grows with the length.
+    length_ratio = len(plan.gap) / (plan.inside[-1] + 1)
+    # The error grows where the predictors disagree more than they do in windows.
+    ratio = (float(gap_disagreement.mean()) + floor) / (window_disagreement + floor)
+    excess = np.maximum(ratio, 1.0) ** DISAGREEMENT_POWER
+    return stacked, np.sqrt(floor + process_variance * gap_variance * length_ratio * excess)

@@ -4,7 +4,7 @@ import pytest
 from mocapclean.solvers.kriging.matern import bridge, matern
 
 
-def test_covariances_are_those_of_a_process():
+def test_covariance_matrices_are_positive_definite():
     times = np.arange(40.0)
     own = matern(times[:, None] - times, 12.0)
     assert np.linalg.eigvalsh(own).min() > 0
@@ -22,7 +22,7 @@ def test_a_bridge_is_the_gaussian_conditional():
     assert np.allclose(variance, np.diag(np.linalg.inv(precision[5:, 5:])))
 
 
-def test_a_bridge_meets_what_it_is_given_without_a_corner():
+def test_a_bridge_joins_the_known_values_without_a_corner():
     known = np.array([*range(-30, 0), *range(20, 50)])
     wanted = np.arange(-1, 21)
     values = np.sin(known / 9)
@@ -32,7 +32,7 @@ def test_a_bridge_meets_what_it_is_given_without_a_corner():
     assert np.diff(filled)[0] == pytest.approx(values[29] - values[28], abs=0.02)
 
 
-def test_nothing_known_carries_nothing():
+def test_without_known_times_there_are_no_weights():
     weights, variance = bridge(np.zeros(0, dtype=int), np.arange(3), np.array([5.0]), np.array([0.0]))
     assert weights.shape == (1, 3, 0)
     assert (variance == 1.0).all()

@@ -3,7 +3,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.solvers.kriging.hinge_frames import hinge_frames
+from mocapclean.solvers.kriging.hinge import find_ends, hinge_frames
+from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 
 
 def leg(rng, n=50):
@@ -18,7 +19,7 @@ def leg(rng, n=50):
     return world, BodyFrames(turns.swapaxes(1, 2), places)
 
 
-def test_a_knee_stands_still_on_its_circle(rng):
+def test_a_knee_is_fixed_in_its_frame(rng):
     (hip, knee, ankle), body = leg(rng)
     frames, radii = hinge_frames(np.stack([hip, ankle], axis=1), (400.0, 430.0), body, knee, 20)
     local = frames.to_local(knee[:, None])[:, 0]
@@ -29,7 +30,7 @@ def test_a_knee_stands_still_on_its_circle(rng):
     assert np.allclose(np.linalg.det(frames.axes), 1.0)
 
 
-def test_only_what_is_learnt_from_is_read(rng):
+def test_only_training_frames_of_the_joint_are_read(rng):
     (hip, knee, ankle), body = leg(rng)
     hidden = knee.copy()
     hidden[20:] = np.nan
@@ -39,11 +40,11 @@ def test_only_what_is_learnt_from_is_read(rng):
 
 
 @pytest.mark.parametrize("apart", [0.0, 830.0, 2000.0])
-def test_ends_that_no_joint_fits_between_give_a_small_circle_or_a_finite_one(rng, apart):
+def test_ends_that_no_joint_fits_between_give_a_finite_circle(rng, apart):
     (hip, knee, _), body = leg(rng)
     ends = np.stack([hip, hip + np.array([apart, 0.0, 0.0])], axis=1)
-    found = hinge_frames(ends, (400.0, 430.0), body, knee, 50)
-    assert found is None or (np.isfinite(found[0].axes).all() and (found[1] >= 8.0).all())
+    result = hinge_frames(ends, (400.0, 430.0), body, knee, 50)
+    assert result is None or (np.isfinite(result[0].axes).all() and (result[1] >= 8.0).all())
 
 
 def test_a_joint_on_the_line_has_no_frame(rng):
@@ -51,3 +52,11 @@ def test_a_joint_on_the_line_has_no_frame(rng):
     ends = np.broadcast_to([[0.0, 0, 0], [0, 0, 800.0]], (10, 2, 3))
     knee = np.broadcast_to([0.0, 0, 400.0], (10, 3))
     assert hinge_frames(ends, (400.0, 400.0), BodyFrames(turns, ends[:, 0]), knee, 10) is None
+
+
+def test_the_ends_are_rigid_with_the_joint_and_not_with_each_other(rng):
+    (hip, knee, ankle), _ = leg(rng, 200)
+    positions = np.stack([hip, knee, ankle, knee + 5000 * rng.normal(size=(200, 3))], axis=1)
+    distances = NeighbourDistances.measured(positions, np.ones((200, 4), bool), 2.0)
+    assert find_ends(distances, 1, np.array([0, 2, 3])) == [0, 1]
+    assert find_ends(distances, 1, np.array([0, 3])) == []

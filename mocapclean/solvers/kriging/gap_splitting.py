@@ -1,0 +1,50 @@
+"""Splitting of a gap where its neighbours come and go, and joining of the parts."""
+
+from itertools import pairwise
+
+import numpy as np
+
+from mocapclean.arrays import Bools, Floats
+
+# The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
+N_HEAVIEST = 8  # neighbours whose presence decides where a gap is split
+MIN_SHARED_WEIGHT = 0.5  # of the weight of the known neighbours, that all frames of a segment have in common
+JOIN_DECAY = 1.0 / 12.0  # s, time in which the correction of a step at a join falls to 1/e
+
+
+def split_gap(known: Bools, weights: Floats, start: int, stop: int) -> list[tuple[int, int]]:
+    """Return the segments (first frame, frame after the last) of a gap, as few as keep most neighbours in each.
+
+    known: (F, M) whether samples are known. weights: (M,) of the neighbours of the gap's marker.
+    """
+    heaviest = np.argsort(-weights, kind="stable")[:N_HEAVIEST]
+    present = known[start:stop, heaviest]
+    changes = np.flatnonzero((present[1:] != present[:-1]).any(axis=1)) + 1
+    edges = np.concatenate([[0], changes, [stop - start]])
+    segments: list[tuple[int, int]] = []
+    common = np.zeros(len(heaviest), dtype=bool)
+    # Extend the last segment while the neighbours known in all of it weigh enough; else begin a new one.
+    for first, last in pairwise(edges.tolist()):
+        here = present[first]
+        shared = common & here
+        least = MIN_SHARED_WEIGHT * max(weights[heaviest] @ common, weights[heaviest] @ here)
+        if segments and weights[heaviest] @ shared >= least:
+            segments[-1], common = (segments[-1][0], start + last), shared
+        else:
+            segments.append((start + first, start + last))
+            common = here
+    return segments
+
+
+def join_segments(track: Floats, segments: list[tuple[int, int]], rate: float) -> None:
+    """Remove the steps between the adjacent segments of a track (F, 3), in place.
+
+    Half of each step is added before the join and taken off after it, decaying over a twelfth of a second.
+    """
+    width = max(1.0, JOIN_DECAY * rate)
+    # The step is the distance from where constant velocity would have led.
+    steps = [(edge, track[edge] - 2.0 * track[edge - 1] + track[max(edge - 2, 0)]) for _, edge in segments[:-1]]
+    for (start, _), (_, stop), (edge, step) in zip(segments[:-1], segments[1:], steps, strict=True):
+        before, after = np.arange(start, edge), np.arange(edge, stop)
+        track[before] += 0.5 * step * np.exp(-(edge - 1 - before) / width)[:, None]
+        track[after] -= 0.5 * step * np.exp(-(after - edge) / width)[:, None]

@@ -1,0 +1,75 @@
+"""Frames of reference for a joint between two markers at known distances, as a knee lies between hip and ankle.
+
+The two distances confine the joint to a circle around the line between the two markers, the ends. The centre and the
+radius of the circle follow from the triangle of the three (law of cosines). Only the angle on the circle remains to be
+predicted.
+"""
+
+import numpy as np
+
+from mocapclean.arrays import Floats, Ints
+from mocapclean.geometry.body_frames import BodyFrames
+from mocapclean.solvers.kriging.neighbours import NeighbourDistances
+
+# The constants below were chosen by hand; no sweep was kept.
+MIN_BENDING = 5.0  # times the rigidity parameter, SD of the distance between the ends above which the joint bends
+MAX_CANDIDATES = 8  # rigid neighbours among which the ends are sought
+DISTANCE_SD_FLOOR = 1.0  # mm, added to the SDs of the joint's distances, so that nearly rigid pairs count alike
+RADIUS_SCALE = 10.0  # the value of the radius as a feature, where it is equal to its mean over the training frames
+MIN_RADIUS = 0.02  # of the first distance, the least radius: the circle of a stretched limb would shrink to a point
+MIN_SINE = 1e-3  # sine of the angle to the line below which the mean direction defines no frame
+MIN_LENGTH = 1e-9  # mm, keeps a division by the distance between the ends finite
+
+
+def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> list[int]:
+    """Return the indices into ``neighbours`` (q,) of the two ends between which a marker bends, or an empty list.
+
+    The marker is rigid with both ends, and the ends are not rigid with each other. Of such pairs the one is chosen
+    whose distance varies most, relative to the distances from the marker.
+    """
+    rigid_sd = np.sqrt(distances.variance[marker, neighbours])
+    near = np.flatnonzero(rigid_sd < distances.rigidity)[:MAX_CANDIDATES]
+    bending = np.sqrt(distances.variance[np.ix_(neighbours[near], neighbours[near])])
+    bending[~np.isfinite(bending)] = 0.0
+    score = bending / (DISTANCE_SD_FLOOR + rigid_sd[near] + rigid_sd[near][:, None])
+    score[bending <= MIN_BENDING * distances.rigidity] = 0.0
+    if not score.any():
+        return []
+    return sorted(int(near[k]) for k in np.unravel_index(score.argmax(), score.shape))
+
+
+def hinge_frames(
+    ends: Floats, lengths: tuple[float, float], segment: BodyFrames, joint: Floats, n_training: int
+) -> tuple[BodyFrames, Floats] | None:
+    """Return the frames of reference (n) at the centre of the circle, and its radii (n,), mm; None if undefined.
+
+    ends: (n, 2, 3) the two markers. lengths: the joint's distances from them. joint: (n, 3), read in the first
+    ``n_training`` frames only. The first axis runs from end to end. The second points to the joint's mean direction
+    in ``segment``, the frames of the body segment. They are undefined where this direction is along the line.
+    """
+    line = ends[:, 1] - ends[:, 0]
+    distance = np.linalg.norm(line, axis=1)
+    line = line / np.maximum(distance, MIN_LENGTH)[:, None]
+    # Law of cosines: the centre is (d² + l₁² - l₂²) / 2d along the line, and the radius √(l₁² - along²).
+    along = (distance**2 + lengths[0] ** 2 - lengths[1] ** 2) / (2.0 * np.maximum(distance, MIN_LENGTH))
+    centres = ends[:, 0] + along[:, None] * line
+    radii = np.sqrt(np.maximum(lengths[0] ** 2 - along**2, (MIN_RADIUS * lengths[0]) ** 2))
+    # The joint's mean direction in the segment's frames, turned to the world and made perpendicular to the line.
+    to_joint = joint[:n_training] - centres[:n_training]
+    mean = np.einsum("nij,nj->i", segment.axes[:n_training], to_joint) / n_training
+    outward = mean @ segment.axes
+    outward = outward - np.sum(outward * line, axis=1, keepdims=True) * line
+    size = np.linalg.norm(outward, axis=1, keepdims=True)
+    if size.min() <= MIN_SINE * np.linalg.norm(mean):
+        return None
+    outward = outward / size
+    return BodyFrames(np.stack([line, outward, np.cross(line, outward)], axis=1), centres), radii
+
+
+def radius_scaled(features: Floats, radii: Floats, training: slice) -> Floats:
+    """Return centred features (N, p) in proportion to the radii (N,) of the circle, with the radii appended.
+
+    On a circle of radius r the joint's position is r times a function of its angle.
+    """
+    relative = (radii / radii[training].mean())[:, None]
+    return np.hstack([(features - features[training].mean(axis=0)) * relative, RADIUS_SCALE * relative])

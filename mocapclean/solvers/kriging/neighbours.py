@@ -1,0 +1,63 @@
+"""Weights of the neighbours of a marker: markers close to it, at distances that hardly vary, weigh most."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.geometry.distances import distances_of_each
+from mocapclean.solvers.kriging.frame_selection import spread_out
+
+# The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
+MAX_DISTANCE_FRAMES = 300  # frames over which the distances of a marker are measured
+NEAR_RATIO = 25.0  # times the rigidity parameter, the distance (50 mm) below which neighbours weigh about equally
+FEATURE_LOOSENESS = 2.5  # least looseness of the features' scales, which are more even than the weights in frames
+
+
+@dataclass(frozen=True)
+class NeighbourDistances:
+    """Mean and variance of the distances between markers, and the neighbour weights that follow from them.
+
+    mean, variance: (M, M), mm and mm²; row k is taken over frames in which marker k is trusted. Both are infinite for
+    pairs that are seldom trusted together. rigidity: mm, the SD of a distance below which neighbours weigh alike.
+    """
+
+    mean: Floats
+    variance: Floats
+    rigidity: float
+
+    @classmethod
+    def measured(cls, positions: Floats, trusted: Bools, rigidity: float) -> "NeighbourDistances":
+        """Return the distances of positions (F, M, 3), each marker's over up to 300 frames in which it is trusted."""
+        return cls(*distances_of_each(positions, trusted, _sampled), rigidity)
+
+    def weights(self, marker: int, looseness: float = 1.0) -> Floats:
+        """Return the weight (M,) of each marker as a neighbour of one; 0 for itself and for pairs never measured.
+
+            w = 1 / ((Var d + (looseness · r)²) (E d + 25 r))      d the distance, r the rigidity parameter
+
+        looseness: times r, the SD of a distance below which neighbours weigh alike.
+        """
+        variance = self.variance[marker] + (looseness * self.rigidity) ** 2
+        distance = self.mean[marker] + NEAR_RATIO * self.rigidity
+        weights = 1.0 / (variance * distance)
+        weights[marker] = 0.0
+        return np.where(np.isfinite(weights), weights, 0.0)
+
+    def rigid_scales(self, marker: int, neighbours: Ints, looseness: float = 1.0) -> Floats:
+        """Return the factors (n,) of the neighbours' positions in a frame that turns with the segment.
+
+        A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
+        """
+        slack = max(FEATURE_LOOSENESS, looseness) * self.rigidity
+        return np.asarray(1.0 / np.sqrt(self.variance[marker, neighbours] + slack**2), dtype=np.float64)
+
+    def shifting_scales(self, marker: int, neighbours: Ints) -> Floats:
+        """Return the factors (n,) of the neighbours' positions in a frame that only shifts: 1 / distance."""
+        distance = self.mean[marker, neighbours] + NEAR_RATIO * self.rigidity
+        return np.asarray(1.0 / distance, dtype=np.float64)
+
+
+def _sampled(frames: Ints) -> Ints:
+    """Return up to ``MAX_DISTANCE_FRAMES`` of some frames, evenly chosen."""
+    return spread_out(frames, MAX_DISTANCE_FRAMES, 1)

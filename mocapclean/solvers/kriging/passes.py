@@ -1,0 +1,87 @@
+"""Passes over the gaps of a take: a later pass learns from the samples that the earlier ones filled."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from mocapclean.arrays import Bools, Floats, column_runs
+from mocapclean.solvers.kriging.gap_segment import GapSegment
+from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
+from mocapclean.solvers.kriging.take_state import TakeState
+
+SETTLED_CHANGE = 0.3
+"""Root mean square change of a gap in one pass, relative to its SD, up to which the gap is not filled again.
+
+It was added to save passes; chosen by hand, no sweep was kept.
+"""
+
+
+class GapSpan(NamedTuple):
+    """A gap: the column of its marker, its first frame and the frame after its last."""
+
+    marker: int
+    start: int
+    stop: int
+
+
+class PassOutcome(NamedTuple):
+    """The outcome of one pass over some gaps, which decides what the next pass fills.
+
+    incomplete_training: whether a gap was learnt from frames that lack many neighbours. split: gaps filled in segments.
+    """
+
+    incomplete_training: bool
+    split: list[GapSpan]
+
+
+def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools | None) -> int:
+    """Fill the gaps of a take, and return the number of passes.
+
+    fillable: (F, M) samples that may be filled. wanted: (F, M) samples whose gaps need a fill; all if None. Other gaps
+    are filled only where the wanted ones learn from them.
+    """
+    gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known)]
+    wanted_gaps = [gap for gap in gaps if wanted is None or wanted[gap.start : gap.stop, gap.marker].any()]
+    passes, incomplete, to_fill = 0, False, wanted_gaps
+    while to_fill and passes < state.params.passes:
+        before = state.positions
+        outcome = fill_gaps(state, to_fill)
+        passes += 1
+        incomplete |= outcome.incomplete_training
+        if passes == 1:
+            if incomplete:
+                # Gaps learn from filled samples: fill the others as well.
+                fill_gaps(state, sorted(set(gaps) - set(wanted_gaps)))
+            # Split gaps are filled again, since each segment can now be bridged from the fill of the next one.
+            to_fill = gaps if incomplete else outcome.split
+        else:
+            # Later passes fill only the gaps that the last pass still changed.
+            to_fill = [gap for gap in gaps if incomplete and _changed(state, gap, before)]
+    return passes
+
+
+def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
+    """Fill gaps and update the state; every gap is filled from the state before the pass."""
+    incomplete, split = False, []
+    positions, sd = state.positions.copy(), state.sd.copy()
+    for gap in gaps:
+        marker = gap.marker
+        # Segments in which the same neighbours are known are filled by themselves, then joined.
+        spans = split_gap(state.known, state.distances.weights(marker), gap.start, gap.stop)
+        for first, last in spans:
+            segment = GapSegment(state, marker, first, last)
+            positions[first:last, marker], sd[first:last, marker] = segment.fill()
+            incomplete |= segment.incomplete_training
+        join_segments(positions[:, marker], spans, state.rate)
+        if len(spans) > 1:
+            split.append(gap)
+    state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
+    state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
+    return PassOutcome(incomplete, split)
+
+
+def _changed(state: TakeState, gap: GapSpan, before: Floats) -> bool:
+    """Whether the fill of a gap differs from the positions (F, M, 3) before the pass by more than a share of its SD."""
+    span = slice(gap.start, gap.stop)
+    change = state.positions[span, gap.marker] - before[span, gap.marker]
+    return bool(np.square(change).mean() > SETTLED_CHANGE**2 * np.square(state.sd[span, gap.marker]).mean())

@@ -1,0 +1,51 @@
+"""The predictors of a marker: frames of reference aligned with some neighbours, and the features in them."""
+
+from dataclasses import dataclass, replace
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """A frame of reference and the features in it, from which regression kriging predicts a marker.
+
+    n_framing: neighbours that the frame is aligned with; 0 for one that shifts with the mean of all without turning.
+    n_features: neighbours whose positions in the frame are features.
+    looseness: times the rigidity parameter, the SD of a distance below which neighbours weigh alike in the frame.
+    hinged: whether the frame is that of a joint between two rigid neighbours (``hinge``).
+    n_poses: radial basis features that are added, each the nearness to one pose; 0 for none.
+    """
+
+    n_framing: int
+    n_features: int
+    looseness: float = 1.0
+    hinged: bool = False
+    n_poses: int = 0
+
+
+PREDICTORS = (
+    Predictor(12, 12, n_poses=20),  # a segment and its surroundings; the poses took off 1 % of the error
+    Predictor(6, 6),  # the rigid core of a segment
+    Predictor(24, 24, 5.0),  # most of a body, as one loose frame
+    Predictor(4, 24),  # a frame on the nearest few, the body as features
+    Predictor(0, 24),  # a frame that does not turn
+    Predictor(10, 10, n_poses=30),  # nonlinear in the pose; took off 2 %, with 6 neighbours and 20 poses
+    Predictor(6, 12, hinged=True),  # a joint such as a knee; without it a knee was 60 mm off in hops
+    Predictor(12, 24, hinged=True),  # the same joint from more of the body
+)
+"""All predictors; neighbours are taken in descending order of their weight.
+
+They were added by hand, one after the other. The shares of the error are those on real markers at the time.
+"""
+
+
+def applicable(n_neighbours: int, has_hinge: bool) -> list[Predictor]:
+    """Return the distinct predictors that so many neighbours allow.
+
+    ``n_framing`` and ``n_features`` are limited to the number of neighbours, which can make predictors equal. A frame
+    that turns needs three neighbours. A hinged frame needs two ends among them.
+    """
+    limited = [
+        replace(p, n_framing=min(p.n_framing, n_neighbours), n_features=min(p.n_features, n_neighbours))
+        for p in PREDICTORS
+    ]
+    usable = [p for p in limited if (p.n_framing == 0 or n_neighbours >= 3) and (has_hinge or not p.hinged)]
+    return list(dict.fromkeys(usable))
