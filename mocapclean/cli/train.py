@@ -19,15 +19,16 @@ from mocapclean.config.settings import MILLIMETRES
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import Params, n_steps, train
 from mocapclean.errors import UsageError
+from mocapclean.parameters import about
 from mocapclean.take import Take
 
 
 def _training(command: Any) -> Any:
     """Add one option for every training parameter."""
     for field in reversed(fields(Params)):
-        about = Params.__pydantic_fields__[field.name].description.split(", ", 2)  # type: ignore[attr-defined]
+        meaning = about(Params, field.name)
         name = "--" + field.name.replace("_", "-")
-        text = f"{about[2]} ({about[0]})."
+        text = f"{meaning.text} ({meaning.symbol})."
         command = click.option(name, type=type(field.default), default=field.default, show_default=True, help=text)(
             command
         )

@@ -1,8 +1,6 @@
-"""Which method fills a take: the one that is asked for, or the one that does best on hidden samples of the take."""
+"""The method that fills a take: the one in the settings, or the best of several on hidden samples of the take."""
 
 from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 from mocapclean.arrays import Bools
 from mocapclean.config.settings import Settings
@@ -11,25 +9,19 @@ from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
 from mocapclean.evaluation.self_check import Check, SelfCheck
 from mocapclean.pipeline.outcome import Candidate, Choice
-from mocapclean.solvers import ERROR_BARS, GAPWISE, SOLVERS
+from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
-def solver(method: str, settings: Settings, library: Dictionary | None) -> Callable[[Take, Bools], Solution]:
-    """A method with its parameters from the settings; see ``prepared``."""
-    return prepared(method, getattr(settings.methods, method), library)
+def solver(method: str, settings: Settings, dictionary: Dictionary | None) -> Callable[[Take, Bools], Solution]:
+    """Return a method with its parameters of the settings, as a function of a take and the wanted samples (F, M)."""
+    params = getattr(settings.methods, method)
+    return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary)
 
 
-def prepared(method: str, params: Any, library: Dictionary | None = None) -> Callable[[Take, Bools], Solution]:
-    """A method with its parameters and dictionary, asked for the gaps of samples (F, M)."""
-    solve = partial(SOLVERS[method].solve, params=params, library=library)
-    if method in GAPWISE:
-        return lambda take, wanted: solve(take, wanted=wanted)
-    return lambda take, wanted: solve(take)
-
-
-def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> tuple[Choice, SelfCheck]:
-    """Let every candidate of ``auto.methods`` fill the same hidden samples; what was chosen, and its self-check.
+def choose(take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None) -> tuple[Choice, SelfCheck]:
+    """Fill the same hidden samples with every candidate of ``auto.methods``; return the choice and its self-check.
 
     The least 3D error wins among the candidates that fill the most of them; where nothing can be hidden, the first one
     that can be used. Raises SolverError when there is none.
@@ -38,7 +30,7 @@ def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | 
     left_out: dict[str, str] = {}
     for method in settings.auto.methods:
         try:
-            checks[method] = _check(method, take, wanted, settings, library)
+            checks[method] = _check(method, take, wanted, settings, dictionary)
         except MocapcleanError as fault:
             left_out[method] = str(fault)
     if not checks:
@@ -61,18 +53,19 @@ def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | 
     return choice, checks[method]
 
 
-def _check(method: str, take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> SelfCheck:
-    if settings.max_error is not None and method not in ERROR_BARS:
+def _check(method: str, take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None) -> SelfCheck:
+    """Return the self-check of a candidate; SolverError or UsageError: it cannot be used for this take."""
+    if settings.max_error is not None and not SOLVERS[method].TRAITS.error_bars:
         raise SolverError("it gives no error bars, which max_error needs.")
-    solve = solver(method, settings, library)
-    found = self_check.check(take, wanted, solve, settings.hiding)
-    if found.because and not take.trusted.all():
+    solve = solver(method, settings, dictionary)
+    checked = self_check.check(take, wanted, solve, settings.hiding)
+    if checked.because and not take.trusted.all():
         solve(take, wanted)  # raises where the method cannot be used
-    return found
+    return checked
 
 
 def _rank(total: Check) -> tuple[int, float]:
-    """Hidden samples left, then the error: the least is the best."""
+    """Return the hidden samples left unfilled, then the error, mm; the least is the best."""
     if total.error is None:
         return total.samples, 0.0
     return total.samples - total.error.samples, total.error.rmse_3d

@@ -28,15 +28,16 @@ from mocapclean.pipeline.choose import choose, solver
 from mocapclean.pipeline.outcome import Choice, Outcome
 from mocapclean.pipeline.summary import account, judge
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 from mocapclean.take.bones import check_names, subject_of
 
 
 def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
-    """Fill the untrusted samples of a take with one method; trusted samples come out bit for bit.
+    """Return a take with its untrusted samples filled by one method; trusted samples stay the same bits.
 
     parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
-    learn from other takes. Raises UsageError for an unknown method or parameter, SolverError when the method has no
+    need one. Raises UsageError for an unknown method or parameter, SolverError when the method has no
     answer.
     """
     if method not in SOLVERS:
@@ -46,7 +47,7 @@ def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None
     except ValidationError as invalid:
         faults = "; ".join(f"{f['loc'][0]}: {f['msg']}, got {f['input']!r}" for f in invalid.errors())
         raise UsageError(f"the parameters of {method} must be valid. {faults}.") from None
-    return merge(take, SOLVERS[method].solve(take, params, library), np.ones_like(take.trusted))
+    return merge(take, run_method(method, take, params, dictionary=library), np.ones_like(take.trusted))
 
 
 def merge(take: Take, solution: Solution, wanted: Bools) -> Take:

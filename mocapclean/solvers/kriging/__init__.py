@@ -33,14 +33,13 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
-from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.geometry.alignment import segment_frames
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.geometry.bone_projection import project
 from mocapclean.geometry.distances import distances_of_each
 from mocapclean.numerics import interpolation
-from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import enclosed, fillable
+from mocapclean.parameters import STRICT, About
+from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.hinge_frames import hinge_frames
 from mocapclean.solvers.kriging.radial_basis import nearness
 from mocapclean.solvers.kriging.regression_kriging import (
@@ -56,6 +55,7 @@ from mocapclean.solvers.kriging.regression_kriging import (
 )
 from mocapclean.solvers.kriging.short_gaps import bridge_short, short
 from mocapclean.solvers.kriging.stacking import stacking_weights
+from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 from mocapclean.take.bones import known_bones, rigid_pairs
 
@@ -64,23 +64,29 @@ REFERENCE = (
     "data, doi:10.1002/9781119115151"
 )
 
+TRAITS = Traits(error_bars=True, gap_by_gap=True, auto_place=1, self_checked=True)
+
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
     """How much is learnt from, and what counts as rigid."""
 
     rigidity: Annotated[
-        float, Field(gt=0, description="s, mm, SD of a distance below which neighbours count as equally rigid")
+        float,
+        Field(gt=0),
+        About(symbol="s", unit="mm", text="SD of a distance below which neighbours count as equally rigid"),
     ] = 2.0
-    noise: Annotated[float, Field(gt=0, description="e, mm, errors below which windows count as equal")] = 0.03
-    windows: Annotated[int, Field(ge=0, description="w, 1, most windows that a gap is tried on")] = 12
-    learnt: Annotated[int, Field(ge=20, description="n, 1, most frames that a gap is learnt from")] = 300
+    noise: Annotated[
+        float, Field(gt=0), About(symbol="e", unit="mm", text="errors below which windows count as equal")
+    ] = 0.03
+    windows: Annotated[int, Field(ge=0), About(symbol="w", text="most windows that a gap is tried on")] = 12
+    learnt: Annotated[int, Field(ge=20), About(symbol="n", text="most frames that a gap is learnt from")] = 300
     shrinkage: Annotated[
-        float, Field(ge=0, lt=1, description="c, 1, share taken off the covariances of the views' errors")
+        float, Field(ge=0, lt=1), About(symbol="c", text="share taken off the covariances of the views' errors")
     ] = 0.3
-    passes: Annotated[int, Field(ge=1, description="p, 1, most passes, where gaps learn from filled samples")] = 4
+    passes: Annotated[int, Field(ge=1), About(symbol="p", text="most passes, where gaps learn from filled samples")] = 4
     bone_spread: Annotated[
-        float, Field(ge=0, description="b, mm, largest SD of a distance that counts as a bone's length")
+        float, Field(ge=0), About(symbol="b", unit="mm", text="largest SD of a distance that counts as a bone's length")
     ] = 0.05
 
 
@@ -126,16 +132,15 @@ MOST_LEARNT, MOST_LACKING, POOREST, CLEAN = 0.7, 0.1, 0.5, 0.05
 DISAGREEMENT, CAUTION, BLIND, SURER = 0.5, 1.0, 4.0, 0.25
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None, wanted: Bools | None = None) -> Solution:
+def solve(take: Take, params: Params, fillable: Bools, wanted: Bools) -> Solution:
     """Fill every marker and frame that has some evidence, ends of the take included.
 
     wanted: (F, M) bool, the samples whose gaps need an answer; the others are filled only where these learn from them.
     ``sd`` is there for every filled sample.
     """
-    possible = fillable(take.trusted)
     scene = Scene(take, params)
-    every = list(column_runs(possible & ~scene.known))
-    asked = [(k, a, b) for k, a, b in every if wanted is None or wanted[a:b, k].any()]
+    every = list(column_runs(fillable & ~scene.known))
+    asked = [(k, a, b) for k, a, b in every if wanted[a:b, k].any()]
     passes, heavy, gaps = 0, False, asked
     while gaps and passes < params.passes:
         before = scene.positions
@@ -148,7 +153,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None, wanted:
             gaps = every if heavy else pieced
         else:
             gaps = [gap for gap in every if scene.moved(gap, before)] if heavy else []
-    filled = possible & np.isfinite(scene.sd)
+    filled = fillable & np.isfinite(scene.sd)
     return Solution(
         positions=np.where(filled[..., None] | take.trusted[..., None], scene.positions, 0.0),
         filled=filled,
