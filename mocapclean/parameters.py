@@ -10,7 +10,7 @@ STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What a parameter means to its user, as part of its annotation: ``Annotated[float, Field(gt=0), About(...)]``.
+    """The meaning of a parameter, as part of its annotation: ``Annotated[float, Field(gt=0), About(...)]``.
 
     symbol: its letter in the equations of the module. unit: "1" for a number without one. text: its meaning.
     """
@@ -26,5 +26,5 @@ class About:
 def about(params: type, name: str) -> About:
     """Return the ``About`` of a parameter of a class of parameters. KeyError or ValueError: there is none."""
     metadata = params.__pydantic_fields__[name].metadata  # type: ignore[attr-defined]
-    (found,) = (item for item in metadata if isinstance(item, About))
-    return found
+    (meaning,) = (item for item in metadata if isinstance(item, About))
+    return meaning

@@ -41,4 +41,4 @@ def _block(name: str, module: Method, *, full: bool) -> str:
         [field.name, str(to_jsonable_python(field.default)), str(about(module.Params, field.name))]
         for field in fields(module.Params)
     ]
-    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "what it is"]) if rows)])
+    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "meaning"]) if rows)])

@@ -194,15 +194,15 @@ def _columns(play: Take, pattern: str) -> list[int]:
 
 
 def _expected_error(play: Take, settings: Settings) -> tuple[float | None, str]:
-    """The 3D error, mm, of the method on hidden samples of the take, or why there is none."""
+    """Return the 3D error, mm, of the method on hidden samples of the take, or None and the reason."""
     if play.trusted.all():
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
     solve = solver(method, settings, library)
-    found = self_check.check(play, np.ones_like(play.trusted), solve, settings.hiding)
-    error = found.total.error
-    return (error.rmse_3d, "") if error else (None, found.because or "nothing that was hidden could be filled")
+    checked = self_check.check(play, np.ones_like(play.trusted), solve, settings.hiding)
+    error = checked.total.error
+    return (error.rmse_3d, "") if error else (None, checked.because or "nothing that was hidden could be filled")
 
 
 def _of_error(error: float | None, why: str, limit: float) -> Iterator[Breach]:

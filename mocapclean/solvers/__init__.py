@@ -3,7 +3,7 @@
 A method module has
 
 - ``REFERENCE``: authors, year, title and DOI in one line;
-- ``TRAITS``: the ``Traits``, which say what the method needs and gives;
+- ``TRAITS``: the ``Traits``, its needs and its results;
 - ``Params``: a frozen dataclass whose fields have a range, a default and an ``About``;
 - ``solve(take, params, fillable, ...)``: the Solution. fillable: (F, M) bool, the untrusted samples that the method may
   fill. According to the traits there follow ``wanted`` (F, M) bool, the trained Dictionary, and the KnownBones.

@@ -1,4 +1,4 @@
-"""What the methods with a dictionary of the body share: the take in body coordinates, and the way back to the world."""
+"""A take in the body coordinates of a dictionary, and the Solution from an estimate in them; for llc and srmmp."""
 
 from collections.abc import Iterator, Mapping
 

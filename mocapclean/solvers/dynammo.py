@@ -1,4 +1,4 @@
-"""DynaMMo: a linear dynamical system learned by expectation maximisation from what is trusted.
+"""DynaMMo: a linear dynamical system learned by expectation maximisation from the trusted samples.
 
     z_1 ~ N(m, P_1)    z_t = A z_{t−1} + N(0, Q)    x_t = C z_t + N(0, r I)    x_missing = C E[z_t | trusted samples]
 
@@ -69,7 +69,7 @@ class Params:
     state_schedule: Annotated[
         tuple[Annotated[int, Field(ge=1, strict=True)], ...],
         Field(strict=False),
-        About(symbol="H_s", text="numbers of states passed through on the way to H; empty: start at H"),
+        About(symbol="H_s", text="numbers of states passed through before H; empty: start at H"),
     ] = (1, 2, 3, 4, 6, 8, 10, 12, 14)
     stage_iterations: Annotated[
         int, Field(ge=1), About(symbol="k", text="iterations at each number of the schedule")
@@ -129,7 +129,7 @@ class Columns:
 class Learner:
     """Expectation maximisation, and its present state.
 
-    guess: (F, n) the trusted values and, for the others, what the system expects. counted: the samples (F, n / 3)
+    guess: (F, n) the trusted values, and C E[z_t] elsewhere. counted: the samples (F, n / 3)
     whose guess serves as data.
     """
 

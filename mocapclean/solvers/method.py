@@ -1,4 +1,4 @@
-"""What the module of a gap-filling method declares of itself, and how the registry sees it."""
+"""The declaration of a gap-filling method in its module, and the type of such a module."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from mocapclean.take import Solution
 
 @dataclass(frozen=True, kw_only=True)
 class Traits:
-    """What a method needs and what it gives; the defaults are those of most methods."""
+    """The needs and the results of a method; the defaults are those of most methods."""
 
     error_bars: bool = False
     """Whether the Solution has ``sd`` with the default parameters."""
@@ -45,7 +45,7 @@ class KnownBones(NamedTuple):
 
 
 class Method(Protocol):
-    """The module of a method; ``solve`` takes what the package's docstring lists."""
+    """The module of a method; the docstring of the package lists the arguments of ``solve``."""
 
     __doc__: str | None
     REFERENCE: str

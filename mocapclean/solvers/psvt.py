@@ -63,7 +63,7 @@ class Params(ialm.Params):
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
         Field(strict=False),
-        About(symbol="N_s", text="completion: ranks passed through on the way to N; empty: start at N"),
+        About(symbol="N_s", text="completion: ranks passed through before N; empty: start at N"),
     ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
     stage_iterations: Annotated[
         int, Field(ge=1), About(symbol="k", text="most iterations at a rank passed through")

@@ -6,7 +6,7 @@ X (F, 3M) is the take with frames in rows, D the trusted positions about their m
 loop replaces the concave part −Σ_{i≤r} σ_i by its tangent ⟨AᵀB, X⟩ (A, B the top r singular vectors of X). The inner
 loop is an ADMM with W = X, multiplier Y and penalty ρ:
 
-    X = 𝒟_{1/ρ}(W − Y/ρ)    W = X + (AᵀB + Y)/ρ, trusted entries held    Y += ρ (X − W)
+    X = 𝒟_{1/ρ}(W − Y/ρ)    W = X + (AᵀB + Y)/ρ, trusted entries fixed   Y += ρ (X − W)
 
 Y. Hu, D. Zhang, J. Ye, X. Li, X. He, 2013, doi:10.1109/TPAMI.2012.271 (TNNR-ADMM).
 
@@ -66,7 +66,7 @@ class Params:
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
         Field(strict=False),
-        About(symbol="r_s", text="ranks passed through on the way to r; empty: start at r"),
+        About(symbol="r_s", text="ranks passed through before r; empty: start at r"),
     ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
     penalty: Annotated[float, Field(gt=0), About(symbol="ρ‖D‖₂", text="penalty of the inner ADMM")] = 20.0
     relaxation: Annotated[

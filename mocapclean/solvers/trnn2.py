@@ -77,7 +77,7 @@ class Params:
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
         Field(strict=False),
-        About(symbol="r_s", text="ranks passed through on the way to r; empty: start at r"),
+        About(symbol="r_s", text="ranks passed through before r; empty: start at r"),
     ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
     first_weight: Annotated[float, Field(ge=0), About(symbol="β₁", text="weight of the first difference")] = 1e-2
     second_weight: Annotated[float, Field(ge=0), About(symbol="β₂", text="weight of the second difference")] = 10.0

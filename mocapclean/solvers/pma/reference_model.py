@@ -41,7 +41,7 @@ class ReferenceModel:
         self.scale = np.where(self.scale > 0.0, self.scale, 1.0)
         shape = _shape(triads)
         size = float(np.abs(shape).max())
-        # The quadratic regression of the first on the second, and what the kernel regression compares with
+        # The regressors of both regressions, and the slopes of the quadratic one
         self.linear, self.quadratic = Standardiser(shape, size), Standardiser(_products(shape), size**2)
         self.features, self.targets = self.linear.scale(shape), (place - self.centre) / self.scale
         design = _with_constant(self.quadratic.scale(_products(shape)))
