@@ -37,10 +37,10 @@ def choose(take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary
         reasons = " ".join(f"{method}: {reason}" for method, reason in left_out.items())
         raise SolverError(f"none of the methods that auto may choose can be used. {reasons}")
     method = min(checks, key=lambda name: _rank(checks[name].total))
-    nothing = checks[method].because
+    no_check = checks[method].because
     choice = Choice(
         method=method,
-        because=f"the first, as {nothing}" if nothing else "the least 3D error of those that fill the most",
+        because=f"the first, as {no_check}" if no_check else "the least 3D error of those that fill the most",
         candidates=tuple(
             Candidate(
                 method=name,
