@@ -47,8 +47,8 @@ REFERENCE = (
 )
 TRAITS = Traits(error_bars=True)
 
-LEAST_VARIANCE = 1e-10  # of any variance, in squared spreads of the take: an SD of 1e-5 spreads; chosen by hand
-DIVERGED = 1e3  # spreads of the take from the origin at which ``em="plus"`` counts as diverged; chosen by hand
+LEAST_VARIANCE = 1e-10  # of any variance, in squared spreads of the take: an SD of 1e-5 spreads; no sweep was kept
+DIVERGED = 1e3  # spreads of the take from the origin at which ``em="plus"`` counts as diverged; no sweep was kept
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)

@@ -54,7 +54,7 @@ REFERENCE = (
 
 TRAITS = Traits()
 
-_COMPLETION_TOLERANCE = 2e-4  # tolerance auto of mode completion; chosen by hand, no sweep was kept
+_COMPLETION_TOLERANCE = 2e-4  # tolerance auto of mode completion; no sweep was kept
 _ROBUST_TOLERANCE = 1e-7  # tolerance auto of mode robust; the default of the authors' program
 
 

@@ -1,6 +1,6 @@
 """A Kalman smoother on the principal components of a take.
 
-    z_t = z_{t−1} + N(0, Q)    x_t = μ + V z_t + N(0, r I)    x_missing = μ + V E[z_t | all that is trusted]
+    z_t = z_{t−1} + N(0, Q)    x_t = μ + V z_t + N(0, r I)    x_missing = μ + V E[z_t | trusted samples]
 
 V are the principal components of the complete frames, the fewest whose singular values sum to all but the share
 ``tolerance``; Q is the covariance of the components' differences from frame to frame.
@@ -48,7 +48,7 @@ REFERENCE = (
 
 TRAITS = Traits(error_bars=True, auto_place=4)
 
-# All four were chosen by hand; no sweep was kept.
+# No sweep of these was kept.
 _ROUNDING = 1e-6  # a component whose singular value is below this share of the first is rounding
 _START_SPREADS = 1e3  # SD of the first state, in spreads of the take
 _LEAST_PROCESS = 1e-6  # share of the noise variance that is added to Q, for a component that never moves

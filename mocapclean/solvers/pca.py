@@ -52,7 +52,7 @@ REFERENCE = (
 
 TRAITS = Traits(auto_place=2)
 
-# All six were chosen by hand; no sweep was kept.
+# No sweep of these was kept.
 _FEWEST_HELPERS = 3  # markers, for a near set of helpers, and for strategy R1
 _FEWEST_FRAMES = 10  # frames to learn from
 _LEAST_SHARE = 0.1  # of the frames in which the lost marker is trusted, to learn from

@@ -30,12 +30,14 @@ def run_method(
     """
     module = SOLVERS[name]
     traits = module.TRAITS
+    # Nothing to fill, and nothing to correct: an answer without a call
     gaps = fillable(take.trusted)
     corrects = traits.cleans_complete_takes and params.denoise and take.trusted.any()
     if not (gaps.any() or corrects):
         return _nothing_to_fill(take, gaps, traits)
     if not traits.extrapolates:
         gaps = enclosed(take.trusted)
+    # The further arguments of ``solve``, as the traits declare them
     inputs: list[Any] = []
     if traits.gap_by_gap:
         inputs.append(wanted if wanted is not None else np.ones_like(gaps))
@@ -47,6 +49,7 @@ def run_method(
 
 
 def _nothing_to_fill(take: Take, gaps: Bools, traits: Traits) -> Solution:
+    """Return the Solution without a filled sample, ``sd`` included where the method has error bars."""
     return Solution(
         positions=np.where(take.trusted[..., None], take.positions, 0.0),
         filled=gaps,

@@ -55,7 +55,7 @@ REFERENCE = "R. Imamura, M. Okuda, 2018, motion capture recovery by truncated nu
 
 TRAITS = Traits()
 
-CHECK_EVERY = 10  # iterations from one computation of the residuals to the next; chosen by hand
+CHECK_EVERY = 10  # iterations from one computation of the residuals to the next; no sweep was kept
 TINY = np.finfo(np.float64).tiny  # keeps a quotient of norms finite where both are 0
 
 

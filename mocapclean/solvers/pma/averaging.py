@@ -12,7 +12,7 @@ from mocapclean.solvers.pma.reference_model import FEWEST_FRAMES, ROUNDING, Refe
 from mocapclean.solvers.pma.sliding import median_mean
 from mocapclean.solvers.pma.triads import spans
 
-# All four were chosen by hand; no sweep was kept.
+# No sweep of these was kept.
 _DISTANCE_FRAMES = 5000  # most frames that the mean distances are taken over
 _LINEAR_FRAMES = 500  # most frames that the linear regression learns from
 _FEWEST_MARKERS = 4  # markers seen all through a gap that the linear regression needs

@@ -5,7 +5,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 
 _DEVIATION_OF_NORMAL = 0.6745  # the median absolute deviation of a normal distribution, in standard deviations
-_LEAST_BANDWIDTH = 1e-6  # in sizes of the samples; chosen by hand
+_LEAST_BANDWIDTH = 1e-6  # in sizes of the samples; no sweep was kept
 
 
 def likelihood(samples: Floats, values: Floats) -> Floats:

@@ -11,12 +11,12 @@ from mocapclean.solvers.pma.padded_gap import PaddedGap
 from mocapclean.solvers.pma.params import Params, Predictor
 from mocapclean.solvers.pma.triads import triad_frames
 
-_SHAPE_FRAMES = 1000  # most frames that the regressions on the shape learn from; chosen by hand
-_DENSITY_FRAMES = 500  # most frames that the density of a distance comes from; chosen by hand
-FEWEST_FRAMES = 10  # frames that a regression needs; chosen by hand
-ROUNDING = 1e-6  # a variation below this share of the size of a quantity is rounding; chosen by hand
+_SHAPE_FRAMES = 1000  # most frames that the regressions on the shape learn from; no sweep was kept
+_DENSITY_FRAMES = 500  # most frames that the density of a distance comes from; no sweep was kept
+FEWEST_FRAMES = 10  # frames that a regression needs; no sweep was kept
+ROUNDING = 1e-6  # a variation below this share of the size of a quantity is rounding; no sweep was kept
 _PERCENTILES = [0.01, 0.99]  # of the known distances, as printed
-_SWEEPS = 5  # rounds over the three references that move a path to allowed distances; chosen by hand
+_SWEEPS = 5  # rounds over the three references that move a path to allowed distances; no sweep was kept
 
 
 class ReferenceModel:

@@ -5,7 +5,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 from mocapclean.geometry.body_frames import BodyFrames
 
-_LEAST_AREA = 1e-2  # |a × b| over the sum of the squared sides below which a triangle is thin; chosen by hand
+_LEAST_AREA = 1e-2  # |a × b| over the sum of the squared sides below which a triangle is thin; no sweep was kept
 
 
 def triad_frames(first: Floats, second: Floats, third: Floats) -> BodyFrames:
