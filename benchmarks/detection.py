@@ -20,9 +20,9 @@ import numpy as np
 import mocapclean
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.detection import detect
-from mocapclean.pipeline.choose import prepared
 from mocapclean.simulate import hide
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 
 GAPS, SHARE = 200, 0.05
 
@@ -53,7 +53,11 @@ def main() -> None:
     parser.add_argument("takes", nargs="+", type=Path)
     parser.add_argument("--frames", type=int, help="only so many frames of each take")
     given = parser.parse_args()
-    solve = prepared(DEFAULT_METHOD, SOLVERS[DEFAULT_METHOD].Params())
+    params = SOLVERS[DEFAULT_METHOD].Params()
+
+    def solve(take, wanted):
+        return run_method(DEFAULT_METHOD, take, params, wanted=wanted)
+
     for path in given.takes:
         take = mocapclean.read(path)
         take = take.crop(0, min(given.frames or len(take.trusted), len(take.trusted)))

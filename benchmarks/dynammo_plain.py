@@ -22,7 +22,7 @@ from mocapclean.formats import amc
 from mocapclean.numerics.state_space.linear_dynamics import expect, maximise, principal_system
 from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.simulate import block_loss, random_loss
-from mocapclean.solvers.dynammo import LEAST, Columns
+from mocapclean.solvers.dynammo import LEAST_VARIANCE, Columns
 from mocapclean.take import ReadOptions
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -77,7 +77,7 @@ def main() -> None:
     columns = Columns(replace(take, trusted=~missing), "body")
     known = np.repeat(columns.seen, 3, axis=1)
     values = np.where(known, columns.start, 0.0)
-    masks, system = Masks(columns.seen), principal_system(columns.start, STATES, LEAST)
+    masks, system = Masks(columns.seen), principal_system(columns.start, STATES, LEAST_VARIANCE)
     port = {"A": system.dynamics.transition, "q": system.dynamics.process[0, 0], "m": system.dynamics.start}
     port |= {"p": system.dynamics.start_covariance[0, 0], "C": system.loadings, "r": system.noise}
     begin = perf_counter()
@@ -86,7 +86,7 @@ def main() -> None:
     middle = perf_counter()
     for _ in range(ITERATIONS):
         smoothed, likelihood = expect(system, values, masks)
-        system = maximise(system, smoothed, values, masks, full=False, least=LEAST)
+        system = maximise(system, smoothed, values, masks, full=False, least=LEAST_VARIANCE)
     end = perf_counter()
     slow, fast = (middle - begin) / ITERATIONS, (end - middle) / ITERATIONS
     gap = np.abs(smoothed.means @ system.loadings.T - states @ port["C"].T)[~known].max() * columns.spread

@@ -21,6 +21,7 @@ import numpy as np
 from mocapclean.formats import amc
 from mocapclean.simulate import block_loss
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import ReadOptions, Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -68,7 +69,7 @@ def main() -> None:
                     continue
                 for (name, length), (take, truth) in takes.items():
                     begin = perf_counter()
-                    solution = module.solve(take, module.Params(**BASE | setting))
+                    solution = run_method(method, take, module.Params(**BASE | setting))
                     seconds = perf_counter() - begin
                     rmse = np.sqrt(np.square(solution.positions - truth)[~take.trusted].mean())
                     text = " ".join(f"{key}={value}" for key, value in setting.items()) or "base"

@@ -23,6 +23,7 @@ from trnn2_sweep import CAPTURES, hide, read_take
 from mocapclean.dictionaries.body_parts import known_parts
 from mocapclean.dictionaries.training import Params, train
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 
 FRAMES = (600, 1200, 2400, 4800)
 SHORT = 10.0
@@ -31,10 +32,10 @@ COLUMNS = ("method", "frames", "iterations", "seconds", "growth", "ms_per_iterat
 
 def measure(method, take, library):
     """Iterations and seconds."""
-    module, seconds = SOLVERS[method], np.inf
+    params, seconds = SOLVERS[method].Params(), np.inf
     for _ in range(2):
         begin = process_time()
-        solution = module.solve(take, module.Params(), library)
+        solution = run_method(method, take, params, dictionary=library)
         seconds = min(seconds, process_time() - begin)
         if seconds > SHORT:
             break

@@ -26,6 +26,7 @@ from mocapclean.dictionaries.training import Params, train
 from mocapclean.numerics import interpolation
 from mocapclean.simulate import block_loss, hide, random_loss
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -75,10 +76,9 @@ def frame_error(estimate: np.ndarray, truth: np.ndarray, missing: np.ndarray) ->
 
 def measure(method: str, parameters: dict, dictionary, truth: Take, pattern: tuple[str, float]) -> dict:
     missing = lose(truth, pattern)
-    take, module = hide(truth, missing), SOLVERS[method]
+    take, params = hide(truth, missing), SOLVERS[method].Params(**parameters)
     begin = perf_counter()
-    library = (dictionary,) if method in ("llc", "srmmp") else ()
-    solution = module.solve(take, module.Params(**parameters), *library)
+    solution = run_method(method, take, params, dictionary=dictionary)
     seconds = perf_counter() - begin
     held = interpolation.linear(take.positions, take.trusted)
     estimate = np.where(solution.filled[..., None], solution.positions, held)

@@ -22,6 +22,7 @@ import numpy as np
 import mocapclean
 from mocapclean.simulate import block_loss, hide
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 CASES = (("05_10", 10, 60), ("118_10", 6, 60), ("61_02", 3, 120), ("14_04", 10, 20), ("02_05", 6, 120))
@@ -83,7 +84,7 @@ def main() -> None:
                 truth, seen, missing = hidden(take, n_out, length, spiked)
                 for method, setting in settings:
                     begin = perf_counter()
-                    solution = SOLVERS[method].solve(seen, SOLVERS[method].Params(**setting))
+                    solution = run_method(method, seen, SOLVERS[method].Params(**setting))
                     seconds = perf_counter() - begin
                     error = np.sqrt(np.mean((solution.positions - truth.positions)[missing] ** 2))
                     words = "; ".join(f"{key} {value}" for key, value in setting.items()) or "defaults"

@@ -24,7 +24,7 @@ import mocapclean
 from mocapclean.config.settings import resolve
 from mocapclean.evaluation.metrics import error
 from mocapclean.simulate import hide, single_gaps
-from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 NAMES = {"pca": "pca", "pma": "pma", "kalman": "kalman_as_published_code"}
@@ -51,7 +51,7 @@ def ours(method, params, row, captures):
     missing = single_gaps(*take.trusted.shape, n_out, length, np.random.default_rng(seed))
     broken = hide(take, missing)
     begin = process_time()
-    solution = SOLVERS[method].solve(broken, params)
+    solution = run_method(method, broken, params)
     seconds = process_time() - begin
     assert solution.filled[missing].all()
     return error(take.positions, solution.positions, missing).rmse, seconds

@@ -21,6 +21,7 @@ from trnn2_sweep import CAPTURES, hide, read_take
 
 from mocapclean.numerics.interpolation import linear
 from mocapclean.solvers import trnn2
+from mocapclean.solvers.running import run_method
 
 RANK, FEW, MANY = 15, 5, 45
 
@@ -86,7 +87,7 @@ def normalised(take):
 def timed(take, n_iterations):
     params = trnn2.Params(rank=RANK, rank_schedule=(), outer_iterations=1, inner_iterations=n_iterations, tolerance=0.0)
     begin = process_time()
-    solution = trnn2.solve(take, params)
+    solution = run_method("trnn2", take, params)
     assert solution.iterations == n_iterations
     return solution.positions, process_time() - begin
 

@@ -22,6 +22,7 @@ import numpy as np
 
 from mocapclean.formats import amc, c3d
 from mocapclean.solvers import SOLVERS, trnn2
+from mocapclean.solvers.running import run_method
 from mocapclean.take import ReadOptions, Take
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
@@ -90,9 +91,9 @@ def measure(method: str, params: object, truth: Take, pattern: str, seed: int) -
     """Every hidden sample counts: where a method does not answer, linear interpolation with held ends stands in."""
     take, hidden = hide(truth, pattern, seed)
     begin = perf_counter()
-    solution = SOLVERS[method].solve(take, params)
+    solution = run_method(method, take, params)
     seconds = perf_counter() - begin
-    held = SOLVERS["linear"].solve(take, SOLVERS["linear"].Params()).positions
+    held = run_method("linear", take, SOLVERS["linear"].Params()).positions
     estimate = np.where(solution.filled[..., None], solution.positions, held)
     rmse = np.sqrt(np.mean((estimate - truth.positions)[hidden] ** 2))
     return {

@@ -2,16 +2,17 @@
 
 import inspect
 from dataclasses import fields
-from types import ModuleType
 
 import click
-from pydantic import TypeAdapter
+from pydantic_core import to_jsonable_python
 
 from mocapclean.cli.guard import guarded
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.errors import UsageError
+from mocapclean.parameters import about
 from mocapclean.report.text import table
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.method import Method
 
 
 @click.command("methods")
@@ -27,7 +28,8 @@ def command(names: tuple[str, ...]) -> int:
     return 0
 
 
-def _block(name: str, module: ModuleType, *, full: bool) -> str:
+def _block(name: str, module: Method, *, full: bool) -> str:
+    """Return the text on a method: its first line or all of it, its source, and its parameters."""
     text = inspect.cleandoc(module.__doc__ or "")
     default = " (default)" if name == DEFAULT_METHOD else ""
     lines = [
@@ -35,13 +37,8 @@ def _block(name: str, module: ModuleType, *, full: bool) -> str:
         *(f"  {line}".rstrip() for line in (text if full else text.splitlines()[0]).splitlines()),
     ]
     lines.append(f"  Source: {module.REFERENCE}")
-    properties = TypeAdapter(module.Params).json_schema().get("properties", {})
     rows = [
-        [
-            field.name,
-            str(properties[field.name].get("default")),
-            properties[field.name].get("description", ""),
-        ]
+        [field.name, str(to_jsonable_python(field.default)), str(about(module.Params, field.name))]
         for field in fields(module.Params)
     ]
-    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "what it is"]) if rows)])
+    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "meaning"]) if rows)])

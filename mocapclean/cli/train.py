@@ -19,15 +19,16 @@ from mocapclean.config.settings import MILLIMETRES
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import Params, n_steps, train
 from mocapclean.errors import UsageError
+from mocapclean.parameters import about
 from mocapclean.take import Take
 
 
 def _training(command: Any) -> Any:
-    """Add one option for every training parameter."""
+    """Return the command with one option for every training parameter."""
     for field in reversed(fields(Params)):
-        about = Params.__pydantic_fields__[field.name].description.split(", ", 2)  # type: ignore[attr-defined]
+        meaning = about(Params, field.name)
         name = "--" + field.name.replace("_", "-")
-        text = f"{about[2]} ({about[0]})."
+        text = f"{meaning.text} ({meaning.symbol})."
         command = click.option(name, type=type(field.default), default=field.default, show_default=True, help=text)(
             command
         )
@@ -39,8 +40,8 @@ def _training(command: Any) -> Any:
 @click.option("-o", "--output", type=FILE, required=True, help="The dictionary, such as walk.dict.npz.")
 @click.option("--body-parts", type=FILE, help="YAML: names of markers under TO, LA, RA, LL, RL, and the frame.")
 @click.option("--exclude", multiple=True, metavar="NAME", help="Leave this marker out.")
-@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, where it does not lie beside them.")
-@click.option("--rate", type=float, help="Frames per second, for files that do not say (AMC: 120).")
+@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, where it is in another folder.")
+@click.option("--rate", type=float, help="Frames per second, for files that do not state it (AMC: 120).")
 @click.option(
     "--unit", default="cm", show_default=True, help="Unit of length of BVH files: mm, cm, m, in, or mm per unit."
 )
@@ -101,10 +102,10 @@ def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
         if not path.is_dir():
             yield path
             continue
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
-        if not found:
+        takes = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
+        if not takes:
             raise UsageError(f"{path}: the folder must hold takes ({', '.join(sorted(suffixes))}). Got none.")
-        yield from found
+        yield from takes
 
 
 def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:

@@ -5,7 +5,6 @@ import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -31,10 +30,11 @@ from mocapclean.detection import RULES
 from mocapclean.errors import ConfigError
 from mocapclean.evaluation.self_check import Params as Hiding
 from mocapclean.parameters import STRICT
-from mocapclean.solvers import ERROR_BARS, SOLVERS
+from mocapclean.solvers import AUTO_CANDIDATES, SOLVERS
 
 DEFAULT_METHOD = "kriging"
-CHECKED = ("auto", DEFAULT_METHOD, "linear", "spline")
+CHECKED = ("auto", *(name for name, module in SOLVERS.items() if module.TRAITS.self_checked))
+"""The methods whose error on hidden samples is measured with ``self_check: auto``."""
 _MOST_VALUES = 10_000
 MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
 
@@ -47,8 +47,8 @@ _NO_MATTER = {
 }
 
 
-def _section(name: str, modules: Mapping[str, ModuleType]) -> Any:
-    """A section with one key for each module, holding the module's ``Params``."""
+def _section(name: str, modules: Mapping[str, Any]) -> Any:
+    """Return a section with one key for each module, holding the module's ``Params``."""
     keys: dict[str, Any] = {
         key: (module.Params, Field(default_factory=module.Params)) for key, module in modules.items()
     }
@@ -84,14 +84,7 @@ class Auto(BaseModel):
 
     model_config = _SECTION
 
-    methods: tuple[Literal[tuple(SOLVERS)], ...] = (  # type: ignore[valid-type]
-        DEFAULT_METHOD,
-        "pca",
-        "pma",
-        "kalman",
-        "spline",
-        "linear",
-    )
+    methods: tuple[Literal[tuple(SOLVERS)], ...] = AUTO_CANDIDATES  # type: ignore[valid-type]
 
 
 class MarkerLimits(BaseModel):
@@ -261,8 +254,9 @@ def _contradictions(settings: Settings) -> Iterator[str]:
     if settings.grades.good > settings.grades.fair:
         yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
     methods = settings.auto.methods if settings.method == "auto" else (settings.method,)
-    if settings.max_error is not None and not {*methods} & {*ERROR_BARS}:
-        bars, got = ", ".join(ERROR_BARS), ", ".join(methods)
+    if settings.max_error is not None and not any(SOLVERS[name].TRAITS.error_bars for name in methods):
+        bars = ", ".join(name for name, module in SOLVERS.items() if module.TRAITS.error_bars)
+        got = ", ".join(methods)
         yield f"max_error must go with a method that gives error bars: {bars}. Got {got}."
     if not settings.auto.methods:
         yield "auto.methods must name at least one method. Got none."

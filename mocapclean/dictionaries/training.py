@@ -26,7 +26,7 @@ from mocapclean.dictionaries.dictionary import Dictionary, body_frames
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation, windows
 from mocapclean.numerics.coding.dictionary_learning import ksvd, learn_holes, prototypes
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import STRICT, About
 from mocapclean.take import Take
 
 _SIGNALS_PER_ATOM = 4
@@ -37,17 +37,23 @@ _PATTERNS = 8
 class Params:
     """How much is learnt and from how much."""
 
-    window: Annotated[int, Field(ge=1, description="L, frames, length of an atom")] = 30
-    atoms: Annotated[int, Field(ge=1, description="K, 1, most atoms of a part; one for 4 training windows at most")] = (
-        1024
+    window: Annotated[int, Field(ge=1), About(symbol="L", unit="frames", text="length of an atom")] = 30
+    atoms: Annotated[
+        int, Field(ge=1), About(symbol="K", text="most atoms of a part; one for 4 training windows at most")
+    ] = 1024
+    sparsity: Annotated[int, Field(ge=1), About(symbol="t", text="atoms that code a window in training")] = 4
+    sweeps: Annotated[int, Field(ge=1), About(symbol="n", text="passes of K-SVD")] = 8
+    windows: Annotated[int, Field(ge=1), About(symbol="N", text="most training windows of a part, drawn at random")] = (
+        8192
     )
-    sparsity: Annotated[int, Field(ge=1, description="t, 1, atoms that code a window in training")] = 4
-    sweeps: Annotated[int, Field(ge=1, description="n, 1, passes of K-SVD")] = 8
-    windows: Annotated[int, Field(ge=1, description="N, 1, most training windows of a part, drawn at random")] = 8192
-    hole_passes: Annotated[int, Field(ge=0, description="p, 1, missing-aware passes after K-SVD")] = 2
-    hole_share: Annotated[float, Field(ge=0, lt=1, description="h, 1, share of a part's markers hidden in them")] = 0.3
-    hole_weight: Annotated[float, Field(ge=0, description="κ, 1, weight of what is hidden")] = 0.1
-    poses: Annotated[int, Field(ge=1, description="P, 1, most training poses that are kept, drawn at random")] = 2000
+    hole_passes: Annotated[int, Field(ge=0), About(symbol="p", text="missing-aware passes after K-SVD")] = 2
+    hole_share: Annotated[
+        float, Field(ge=0, lt=1), About(symbol="h", text="share of a part's markers hidden in them")
+    ] = 0.3
+    hole_weight: Annotated[float, Field(ge=0), About(symbol="κ", text="weight of what is hidden")] = 0.1
+    poses: Annotated[int, Field(ge=1), About(symbol="P", text="most training poses that are kept, drawn at random")] = (
+        2000
+    )
 
 
 def n_steps(parts: BodyParts, params: Params) -> int:

@@ -21,7 +21,7 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import STRICT, About
 from mocapclean.take import Solution, Take
 
 Gaps = NDArray[np.intp]
@@ -38,10 +38,18 @@ GOLDEN = (5**0.5 - 1) / 2  # its multiples, less their whole parts, are spread e
 class Params:
     """How much is hidden: as many samples as are really lost, within limits."""
 
-    rounds: Annotated[int, Field(ge=1, le=100, description="k, 1, times that other samples are hidden and filled")] = 1
-    least: Annotated[float, Field(ge=0, le=0.2, description="α, 1, share of trusted samples to hide at least")] = 0.01
-    most: Annotated[float, Field(ge=0, le=0.2, description="β, 1, share of trusted samples to hide at most")] = 0.05
-    gaps: Annotated[int, Field(ge=1, description="n, 1, gaps of mean length that hold the most samples to hide")] = 80
+    rounds: Annotated[
+        int, Field(ge=1, le=100), About(symbol="k", text="times that other samples are hidden and filled")
+    ] = 1
+    least: Annotated[
+        float, Field(ge=0, le=0.2), About(symbol="α", text="share of trusted samples to hide at least")
+    ] = 0.01
+    most: Annotated[float, Field(ge=0, le=0.2), About(symbol="β", text="share of trusted samples to hide at most")] = (
+        0.05
+    )
+    gaps: Annotated[
+        int, Field(ge=1), About(symbol="n", text="gaps of mean length that hold the most samples to hide")
+    ] = 80
 
 
 @plain_dataclass(frozen=True, kw_only=True)

@@ -18,12 +18,13 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.simulate import block_loss, hide, random_loss
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import ReadOptions, Solution, Take
 
 CMU_UNIT = 25.4 / 0.45
 """Millimetres per unit of length of the CMU's AMC and ASF files."""
 
-LEARNERS = ("srmmp", "llc")
+LEARNERS = tuple(name for name, module in SOLVERS.items() if module.TRAITS.needs_dictionary)
 """The methods that need a trained dictionary."""
 
 Measures = Mapping[str, float | int]
@@ -215,7 +216,7 @@ def solve(take: Take, missing: Bools, entry: Entry) -> tuple[Solution, float]:
     params = parameters(entry)
     broken = hide(take, missing)
     begin = perf_counter()
-    solution = SOLVERS[entry.method].solve(broken, params, entry.learned)
+    solution = run_method(entry.method, broken, params, dictionary=entry.learned)
     return solution, perf_counter() - begin
 
 

@@ -1,8 +1,6 @@
 """Choose the method that fills a take: that of the settings, or with ``auto`` the best on hidden samples."""
 
 from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 from mocapclean.arrays import Bools
 from mocapclean.config.settings import Settings
@@ -11,44 +9,40 @@ from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
 from mocapclean.evaluation.self_check import Check, SelfCheck
 from mocapclean.pipeline.outcome import Candidate, MethodChoice
-from mocapclean.solvers import ERROR_BARS, GAPWISE, SOLVERS
+from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
-def solver(method: str, settings: Settings, library: Dictionary | None) -> Callable[[Take, Bools], Solution]:
-    """Return a method with its parameters from the settings, as a function of a take and the samples wanted (F, M)."""
-    return prepared(method, getattr(settings.methods, method), library)
-
-
-def prepared(method: str, params: Any, library: Dictionary | None = None) -> Callable[[Take, Bools], Solution]:
-    """Return a method with its parameters and dictionary, as a function of a take and the samples wanted (F, M)."""
-    solve = partial(SOLVERS[method].solve, params=params, library=library)
-    if method in GAPWISE:
-        return lambda take, wanted: solve(take, wanted=wanted)
-    return lambda take, wanted: solve(take)
+def solver(method: str, settings: Settings, dictionary: Dictionary | None) -> Callable[[Take, Bools], Solution]:
+    """Return a method with its parameters of the settings, as a function of a take and the wanted samples (F, M)."""
+    params = getattr(settings.methods, method)
+    return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary)
 
 
 def settle_method(
-    take: Take, wanted: Bools, settings: Settings, library: Dictionary | None
+    take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None
 ) -> tuple[Settings, MethodChoice | None, SelfCheck | None]:
     """Return the settings with a method in place of auto, how it was chosen, and its self-check where one is made."""
     checks_itself = settings.checks_itself
     choice: MethodChoice | None = None
     checked: SelfCheck | None = None
     if settings.method == "auto":
-        choice, checked = choose(take, wanted, settings, library)
+        choice, checked = choose(take, wanted, settings, dictionary)
         settings = settings.model_copy(update={"method": choice.method})
     # Candidates were compared on all their answers; max_error leaves some out, so the chosen one is checked again.
     if checks_itself and (checked is None or settings.max_error is not None):
         try:
-            solve = solver(settings.method, settings, library)
+            solve = solver(settings.method, settings, dictionary)
             checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
         except SolverError as error:
             checked = SelfCheck(because=f"with more samples hidden the method fails: {error}")
     return settings, choice, checked
 
 
-def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> tuple[MethodChoice, SelfCheck]:
+def choose(
+    take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None
+) -> tuple[MethodChoice, SelfCheck]:
     """Return which candidate of ``auto.methods`` fills the same hidden samples best, and its self-check.
 
     The least 3D error wins among the candidates that fill the most of them. Where nothing can be hidden, the first
@@ -58,17 +52,17 @@ def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | 
     left_out: dict[str, str] = {}
     for method in settings.auto.methods:
         try:
-            checks[method] = _check(method, take, wanted, settings, library)
+            checks[method] = _check(method, take, wanted, settings, dictionary)
         except MocapcleanError as error:
             left_out[method] = str(error)
     if not checks:
         reasons = " ".join(f"{method}: {reason}" for method, reason in left_out.items())
         raise SolverError(f"none of the methods that auto may choose can be used. {reasons}")
     method = min(checks, key=lambda name: _rank(checks[name].total))
-    nothing = checks[method].because
+    no_check = checks[method].because
     choice = MethodChoice(
         method=method,
-        because=f"the first, as {nothing}" if nothing else "the least 3D error of those that fill the most",
+        because=f"the first, as {no_check}" if no_check else "the least 3D error of those that fill the most",
         candidates=tuple(
             Candidate(
                 method=name,
@@ -81,10 +75,10 @@ def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | 
     return choice, checks[method]
 
 
-def _check(method: str, take: Take, wanted: Bools, settings: Settings, library: Dictionary | None) -> SelfCheck:
-    if settings.max_error is not None and method not in ERROR_BARS:
+def _check(method: str, take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None) -> SelfCheck:
+    if settings.max_error is not None and not SOLVERS[method].TRAITS.error_bars:
         raise SolverError("it gives no error bars, which max_error needs.")
-    solve = solver(method, settings, library)
+    solve = solver(method, settings, dictionary)
     found = self_check.check(take, wanted, solve, settings.hiding)
     if found.because and not take.trusted.all():
         solve(take, wanted)  # raises where the method cannot be used

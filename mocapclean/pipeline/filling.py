@@ -11,6 +11,7 @@ from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import UsageError
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
@@ -18,7 +19,7 @@ def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None
     """Return the take with its untrusted samples filled by one method; trusted samples stay bit for bit.
 
     parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
-    learn from other takes. Raises UsageError for an unknown method or parameter, SolverError when the method has no
+    need one. Raises UsageError for an unknown method or parameter, SolverError when the method has no
     answer.
     """
     if method not in SOLVERS:
@@ -28,7 +29,7 @@ def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None
     except ValidationError as invalid:
         faults = "; ".join(f"{f['loc'][0]}: {f['msg']}, got {f['input']!r}" for f in invalid.errors())
         raise UsageError(f"the parameters of {method} must be valid. {faults}.") from None
-    return merge(take, SOLVERS[method].solve(take, params, library), np.ones_like(take.trusted))
+    return merge(take, run_method(method, take, params, dictionary=library), np.ones_like(take.trusted))
 
 
 def merge(take: Take, solution: Solution, accepted: Bools) -> Take:

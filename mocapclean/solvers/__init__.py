@@ -3,19 +3,16 @@
 A method module has
 
 - ``REFERENCE``: authors, year, title and DOI in one line;
-- ``Params``: a frozen dataclass whose fields have a range, a default and the description "symbol, unit, what";
-  a field in millimetres says so as its unit;
-- ``solve(take, params, library=None)``: the Solution; ``library`` is the trained Dictionary, for the methods that
-  learn from other takes.
+- ``TRAITS``: the ``Traits``, its needs and its results;
+- ``Params``: a frozen dataclass whose fields have a range, a default and an ``About``;
+- ``solve(take, params, fillable, ...)``: the Solution. fillable: (F, M) bool, the untrusted samples that the method may
+  fill. According to the traits there follow ``wanted`` (F, M) bool, the trained Dictionary, and the KnownBones.
 
-``ERROR_BARS`` names the methods whose Solution has ``sd`` with their default parameters. ``GAPWISE`` names those that
-take ``wanted``, samples (F, M), and need not answer for gaps without any.
+``running.run_method`` calls ``solve``, with at least one fillable sample unless trusted samples are to be corrected.
 
-A method never reads an untrusted sample, never answers for a marker or a frame in which nothing is trusted, and
-knows no file, clock, terminal or global random state.
+A method never reads an untrusted sample and fills nothing but fillable ones. It has no access to files, the clock, the
+terminal or a global random state.
 """
-
-from types import ModuleType
 
 from mocapclean.solvers import (
     bolero,
@@ -37,8 +34,9 @@ from mocapclean.solvers import (
     trnn2,
     tsmc,
 )
+from mocapclean.solvers.method import Method
 
-SOLVERS: dict[str, ModuleType] = {
+SOLVERS: dict[str, Method] = {
     "kriging": kriging,
     "linear": linear,
     "spline": spline,
@@ -59,5 +57,10 @@ SOLVERS: dict[str, ModuleType] = {
     "llc": llc,
 }
 
-ERROR_BARS = ("kriging", "dynammo", "kalman")
-GAPWISE = ("kriging",)
+AUTO_CANDIDATES = tuple(
+    sorted(
+        (name for name, module in SOLVERS.items() if module.TRAITS.auto_place is not None),
+        key=lambda name: SOLVERS[name].TRAITS.auto_place or 0,
+    )
+)
+"""The candidates of method auto by default, in the order in which they are tried."""

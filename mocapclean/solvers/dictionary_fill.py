@@ -1,27 +1,28 @@
-"""What the methods that learn from a dictionary share: the body in its own frame, and the way back."""
+"""A take in the body coordinates of a dictionary, and the Solution from an estimate in them; for llc and srmmp."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.dictionaries.body_parts import PARTS
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.smoothness import smooth
-from mocapclean.solvers.fillable import fillable
 from mocapclean.take import Solution, Take
 
+_DIFFERENCE_ORDER = 2  # second differences, whose squares the parameter ``denoise`` weighs
 
-class Body:
-    """A take in the order and the frame of a dictionary.
 
-    trusted: (F, M); local: (F, M, 3), 0 where untrusted; the columns are the dictionary's.
+class BodyTake:
+    """A take in the marker order and the body coordinates of a dictionary.
+
+    trusted: (F, M). local: (F, M, 3) millimetres in the coordinates that travel with the body, 0 where untrusted. The
+    columns of both are the dictionary's.
     """
 
     def __init__(self, take: Take, dictionary: Dictionary) -> None:
-        """Raise UsageError when the dictionary is of other markers or another rate."""
+        """Raise UsageError where the dictionary is of other markers or another rate."""
         self.dictionary, self._columns = dictionary, dictionary.columns(take)
         self.trusted = take.trusted[:, self._columns]
         positions = np.where(self.trusted[..., None], take.positions[:, self._columns], 0.0)
@@ -29,11 +30,11 @@ class Body:
         self.local = np.where(self.trusted[..., None], self._frames.to_local(positions), 0.0)
 
     def interpolated(self) -> Floats:
-        """Straight lines in the frame of the body, (F, M, 3)."""
+        """Return straight lines across the gaps in body coordinates, (F, M, 3)."""
         return interpolation.linear(self.local, self.trusted)
 
-    def parts(self) -> Iterator[tuple[str, NDArray[np.intp]]]:
-        """The parts that have markers, and their columns."""
+    def parts(self) -> Iterator[tuple[str, Ints]]:
+        """Yield the parts of the body that have markers, and the columns of these."""
         names = self.dictionary.markers
         for part in PARTS:
             members = self.dictionary.parts.parts[part]
@@ -41,30 +42,35 @@ class Body:
                 yield part, np.array([names.index(name) for name in members], dtype=np.intp)
 
     def blended(self, estimate: Floats) -> Floats:
-        """The estimate (F, M, 3) with its error on trusted samples carried linearly across the gaps."""
+        """Return the estimate (F, M, 3) plus its residual on trusted samples, interpolated across the gaps."""
         return estimate + interpolation.linear(self.local - estimate, self.trusted)
 
     def to_world(self, local: Floats) -> Floats:
-        """Positions (F, M, 3) in the take's order and frame."""
+        """Return positions (F, M, 3) in the marker order and coordinates of the take."""
         positions = np.empty_like(local)
         positions[:, self._columns] = self._frames.to_world(local)
         return positions
 
 
-def finish(
+def solution_of(
     take: Take,
-    body: Body,
+    body: BodyTake,
     estimate: Floats,
+    fillable: Bools,
     *,
     blend: bool,
     denoise: float,
     facts: Mapping[str, float | int | str],
 ) -> Solution:
-    """The Solution for an estimate (F, M, 3) in the frame of the body."""
+    """Return the Solution for an estimate (F, M, 3) in body coordinates.
+
+    blend: whether the residual on the samples adjacent to a gap is carried into it. denoise: the weight of squared
+    second differences, 0 for none; with it all trusted samples are ``moved``.
+    """
     positions = body.to_world(body.blended(estimate) if blend else estimate)
     moved = None
     if denoise:
         noisy = np.where(take.trusted[..., None], take.positions, positions).reshape(len(positions), -1)
-        positions = smooth(noisy, denoise, 2, flat_ends=False).reshape(positions.shape)
+        positions = smooth(noisy, denoise, _DIFFERENCE_ORDER, flat_ends=False).reshape(positions.shape)
         moved = take.trusted.copy()
-    return Solution(positions=positions, filled=fillable(take.trusted), facts=facts, moved=moved)
+    return Solution(positions=positions, filled=fillable, facts=facts, moved=moved)

@@ -1,4 +1,4 @@
-"""DynaMMo: a linear dynamical system learned by expectation maximisation from what is trusted.
+"""DynaMMo: a linear dynamical system learned by expectation maximisation from the trusted samples.
 
     z_1 ~ N(m, P_1)    z_t = A z_{t−1} + N(0, Q)    x_t = C z_t + N(0, r I)    x_missing = C E[z_t | trusted samples]
 
@@ -8,16 +8,17 @@ doi:10.1145/1557019.1557078.
 Where this departs from the print, and why:
 
 - ``em="exact"`` is expectation maximisation: the E-step sees only the trusted samples, each row of C is learned from
-  the frames in which it is trusted, and the likelihood never falls. In the authors' programs the missing samples,
-  as last estimated, count as data, so that r comes out too small and an estimate hardly moves once it is made.
-  ``em="imputed"`` does that; what rises then is the likelihood of data and estimates together. ``em="plus"`` also
-  fills them in anew on the way through the filter, by what it predicts; nothing is promised of that.
-- No random start. The first system has the principal components of the linearly interpolated take, and as these
-  hold the interpolation for motion, the first one is small: the number of states grows through ``state_schedule``,
-  and each stage takes the components of the take as the one before filled it. An empty schedule starts at H.
+  the frames in which it is trusted, and the likelihood never falls. In the authors' programs the last estimates of the
+  missing samples count as data, so r comes out too small and an estimate hardly moves once it is made.
+  ``em="imputed"`` does that; then the likelihood of data and estimates together rises. ``em="plus"`` also replaces the
+  estimates by the predictions of the forward pass as it goes; the likelihood may then fall.
+- No random start. The first system has the principal components of the linearly interpolated take. These contain
+  the interpolated gaps as if they were motion, so the first system is small: the number of states grows through
+  ``state_schedule``, and each stage takes the components of the take as the previous stage filled it. An empty
+  schedule starts at H.
 - The authors' programs turn every frame so that named markers of the back give origin and direction. Here
-  ``frame="body"`` lays each frame on the mean shape by all its trusted markers; ``frame="take"`` only takes the mean
-  off. Lengths are in units of the root mean square of what remains, which stands for the authors' metres.
+  ``frame="body"`` aligns each frame with the mean shape by all its trusted markers; ``frame="take"`` only subtracts the
+  mean. Lengths are in units of the root mean square of the result, in place of the authors' metres.
 - The likelihood is judged per trusted coordinate, for its relative change depends on the unit of length.
 
 Cost per iteration: O(F H² + F M H²), and O(H³) for each frame in which covariances have not settled yet.
@@ -30,68 +31,68 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.geometry.shape_frames import shape_frames
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expect, maximise, principal_system
 from mocapclean.numerics.state_space.smoother import Masks, Smoothed
-from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import fillable
+from mocapclean.parameters import STRICT, About
+from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
 REFERENCE = (
     "L. Li, J. McCann, N. S. Pollard, C. Faloutsos, 2009, DynaMMo: mining and summarization of coevolving sequences "
     "with missing values, doi:10.1145/1557019.1557078"
 )
-LEAST = 1e-10  # of any variance: a hundred thousandth of the take's size
-FURTHEST = 1e3
+TRAITS = Traits(error_bars=True)
+
+LEAST_VARIANCE = 1e-10  # of any variance, in squared spreads of the take: an SD of 1e-5 spreads; no sweep was kept
+DIVERGED = 1e3  # spreads of the take from the origin at which ``em="plus"`` counts as diverged; no sweep was kept
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
-    """The size of the hidden state, how it is learned, and when to stop."""
+    """The size of the hidden state, the learning, and the stopping rule."""
 
-    states: Annotated[int, Field(ge=1, le=64, description="H, 1, dimension of the hidden state")] = 16
+    states: Annotated[int, Field(ge=1, le=64), About(symbol="H", text="dimension of the hidden state")] = 16
     em: Annotated[
         Literal["exact", "imputed", "plus"],
-        Field(description="E, 1, missing samples integrated out, or counted as data as in DynaMMo or in DynaMMo+"),
+        About(symbol="E", text="missing samples integrated out, or counted as data as in DynaMMo or in DynaMMo+"),
     ] = "exact"
     process: Annotated[
-        Literal["isotropic", "full"], Field(description="Q, 1, covariance of the process noise: multiple of I, or any")
+        Literal["isotropic", "full"], About(symbol="Q", text="covariance of the process noise: multiple of I, or any")
     ] = "isotropic"
     frame: Annotated[
-        Literal["body", "take"], Field(description="x, 1, coordinates turned with the body, or about one mean")
+        Literal["body", "take"], About(symbol="x", text="coordinates turned with the body, or about one mean")
     ] = "body"
     state_schedule: Annotated[
         tuple[Annotated[int, Field(ge=1, strict=True)], ...],
-        Field(strict=False, description="H_s, 1, numbers of states passed through on the way to H; empty: start at H"),
+        Field(strict=False),
+        About(symbol="H_s", text="numbers of states passed through before H; empty: start at H"),
     ] = (1, 2, 3, 4, 6, 8, 10, 12, 14)
-    stage_iterations: Annotated[int, Field(ge=1, description="k, 1, iterations at each number of the schedule")] = 5
+    stage_iterations: Annotated[
+        int, Field(ge=1), About(symbol="k", text="iterations at each number of the schedule")
+    ] = 5
     tolerance: Annotated[
-        float, Field(ge=0, description="ε, 1, rise of the log-likelihood per trusted coordinate to stop at")
+        float, Field(ge=0), About(symbol="ε", text="rise of the log-likelihood per trusted coordinate to stop at")
     ] = 1e-3
-    max_iterations: Annotated[int, Field(ge=1, description="K, 1, most iterations in all")] = 100
+    max_iterations: Annotated[int, Field(ge=1), About(symbol="K", text="most iterations in all")] = 100
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
-    """Fill every marker and frame that has some evidence, edges included.
+def solve(take: Take, params: Params, fillable: Bools) -> Solution:
+    """Return the take with all fillable samples (F, M) filled.
 
-    ``positions`` holds C E[z_t] everywhere, sd what the system expects of itself. The trace is the log-likelihood per
-    trusted coordinate (of trusted and estimated ones with ``em="imputed"``), in normalised units; it rises within each
-    stage of the schedule. Raises SolverError where ``em="plus"`` diverges.
+    ``positions`` holds C E[z_t] everywhere, sd the standard deviation that the system expects. The trace is the
+    log-likelihood per trusted coordinate (of trusted and estimated ones with ``em="imputed"``), in normalised units; it
+    rises within each stage of the schedule. Raises SolverError where ``em="plus"`` diverges.
     """
-    wanted = fillable(take.trusted)
-    if not wanted.any():
-        known = np.where(take.trusted[..., None], take.positions, 0.0)
-        return Solution(positions=known, filled=wanted, reason="nothing to fill")
     columns = Columns(take, params.frame)
     learner = Learner(columns, params)
     learner.learn()
     return Solution(
         positions=columns.positions(learner.system.emit(learner.smoothed.means)),
-        filled=wanted,
+        filled=fillable,
         sd=learner.deviation() if params.em == "exact" else None,
         converged=learner.converged,
         iterations=learner.iterations,
@@ -102,34 +103,34 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
 
 
 class Columns:
-    """A take as the columns of a system, from the markers that are trusted somewhere (used, (M,) bool).
+    """A take as the columns of a linear system, from the markers that are trusted in some frame (used, (M,) bool).
 
-    start: (F, n) linearly interpolated; seen: (F, n / 3); spread: millimetres per unit.
+    start: (F, n) linearly interpolated, in spreads. seen: (F, n / 3) the trusted samples. spread: millimetres per unit.
     """
 
     def __init__(self, take: Take, frame: str) -> None:
         self.used: Bools = np.asarray(take.trusted.any(axis=0))
         positions, self.seen = take.positions[:, self.used], take.trusted[:, self.used]
         known = np.where(self.seen[..., None], positions, 0.0)
-        middle = known[self.seen].mean(axis=0)
-        still = BodyFrames(np.tile(np.eye(3), (len(known), 1, 1)), np.tile(middle, (len(known), 1)))
-        self.frames = shape_frames(positions, self.seen) if frame == "body" else still
+        mean = known[self.seen].mean(axis=0)
+        unturned = BodyFrames(np.tile(np.eye(3), (len(known), 1, 1)), np.tile(mean, (len(known), 1)))
+        self.frames = shape_frames(positions, self.seen) if frame == "body" else unturned
         local = interpolation.linear(self.frames.to_local(known), self.seen)
         self.spread = float(np.sqrt(np.square(local[self.seen]).mean())) or 1.0
         self.start = (local / self.spread).reshape(len(local), -1)
 
     def positions(self, columns: Floats) -> Floats:
-        """Columns (F, n) as positions (F, M, 3), 0 for markers that are trusted nowhere."""
+        """Return columns (F, n) as positions (F, M, 3) in millimetres, 0 for markers that are trusted in no frame."""
         positions = np.zeros((len(columns), len(self.used), 3))
         positions[:, self.used] = self.frames.to_world(columns.reshape(len(columns), -1, 3) * self.spread)
         return positions
 
 
 class Learner:
-    """Expectation maximisation, and where it has come to.
+    """Expectation maximisation, and its present state.
 
-    guess: (F, n) the trusted values and, for the others, what the system makes of them. ``counted`` are the samples
-    (F, n / 3) whose guess serves as data.
+    guess: (F, n) the trusted values, and C E[z_t] elsewhere. counted: the samples (F, n / 3)
+    whose guess serves as data.
     """
 
     system: LinearSystem
@@ -142,7 +143,7 @@ class Learner:
         self.trace: list[float] = []
 
     def learn(self) -> None:
-        """Pass through the schedule, then iterate until the likelihood stands still or the limit is reached."""
+        """Pass through the schedule, then iterate until the likelihood is stationary or the limit is reached."""
         params = self.params
         for n_states in (n for n in params.state_schedule if n < params.states):
             self.restart(n_states)
@@ -153,10 +154,10 @@ class Learner:
     def restart(self, n_states: int) -> None:
         """Take the principal components of the guess as the states."""
         if self.iterations < self.limit:
-            self.system = principal_system(self.guess, n_states, LEAST)
+            self.system = principal_system(self.guess, n_states, LEAST_VARIANCE)
 
     def iterate(self, n_iterations: int, tolerance: float = 0.0) -> None:
-        """At most so many iterations; fewer when the likelihood rises by less than the tolerance."""
+        """Take at most so many steps; stop when the likelihood changes by less than the tolerance."""
         before = -np.inf
         for _ in range(min(n_iterations, self.limit - self.iterations)):
             likelihood = self.step()
@@ -168,29 +169,32 @@ class Learner:
             before = likelihood
 
     def step(self) -> float:
-        """One E-step and one M-step; the log-likelihood per counted coordinate that the former found."""
+        """Take one E-step and one M-step; return the log-likelihood per counted coordinate from the E-step."""
         plus, full = self.params.em == "plus", self.params.process == "full"
+        # E-step: the moments of z_t given the counted samples
         masks = self.trusted if plus else self.counted
         self.smoothed, likelihood = expect(self.system, self._data(masks), masks, predict=plus)
         if plus:
             self.guess = self.impute()
-            if not np.abs(self.guess).max() <= FURTHEST:
+            if not np.abs(self.guess).max() <= DIVERGED:
                 raise SolverError("dynammo with em plus has diverged on this take; use em exact.")
+        # M-step: m, P_1, A, Q, C and r that maximise the expected likelihood
         data = self._data(self.counted)
-        self.system = maximise(self.system, self.smoothed, data, self.counted, full=full, least=LEAST)
+        self.system = maximise(self.system, self.smoothed, data, self.counted, full=full, least=LEAST_VARIANCE)
         self.guess = self.impute()
         return likelihood / (3 * np.count_nonzero(masks.seen))
 
     def _data(self, masks: Masks) -> Floats:
+        """Return the guess (F, n), 0 outside the masks."""
         return np.where(np.repeat(masks.seen, 3, axis=1), self.guess, 0.0)
 
     def impute(self) -> Floats:
-        """The trusted values, and the expected ones elsewhere."""
+        """Return the trusted values, and C E[z_t] elsewhere, (F, n)."""
         known = np.repeat(self.columns.seen, 3, axis=1)
         return np.where(known, self.columns.start, self.system.emit(self.smoothed.means))
 
     def deviation(self) -> Floats:
-        """The expected error (F, M) per coordinate, millimetres; 0 for markers that are trusted nowhere."""
+        """Return the expected error (F, M) per coordinate, mm; 0 for markers that are trusted in no frame."""
         columns = self.columns
         deviation = np.zeros((len(columns.seen), len(columns.used)))
         variance = self.system.variance(self.smoothed, columns.seen.shape[1])
@@ -199,7 +203,7 @@ class Learner:
 
     @property
     def reason(self) -> str:
-        """Why it ended."""
+        """Why the iteration ended."""
         if self.converged:
             return f"the log-likelihood per trusted coordinate rises by less than {self.params.tolerance:g}"
-        return f"max_iterations {self.params.max_iterations} reached"
+        return limit_reached(self.params, "max_iterations")

@@ -1,25 +1,27 @@
 """Straight lines across the gaps of each coordinate.
 
-x(t) = x_a + (t − a) / (b − a) · (x_b − x_a) between the trusted frames a and b around the gap. A gap that touches
-the first or last frame has no second side and is left unfilled. Cost: O(F M).
+x(t) = x_a + (t − a) / (b − a) · (x_b − x_a) between the trusted frames a and b around the gap. A gap at the first or
+last frame of the take has a trusted sample on one side only and is left unfilled. Cost: O(F M).
 """
 
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.arrays import Bools
 from mocapclean.numerics.interpolation import linear
 from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import enclosed
+from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
 REFERENCE = "Linear interpolation between the trusted samples around a gap."
 
+TRAITS = Traits(extrapolates=False, auto_place=6, self_checked=True)
+
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
-    """Nothing to choose."""
+    """No parameter."""
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
-    """Fill the gaps that have a trusted sample of the same marker on both sides."""
-    return Solution(positions=linear(take.positions, take.trusted), filled=enclosed(take.trusted))
+def solve(take: Take, params: Params, fillable: Bools) -> Solution:
+    """Return the take with the gaps (F, M) between two trusted samples of their marker filled."""
+    return Solution(positions=linear(take.positions, take.trusted), filled=fillable)

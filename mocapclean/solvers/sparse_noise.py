@@ -1,38 +1,28 @@
-"""What tsmc and trnn share: from a take to a low-rank, smooth and sparsely corrupted matrix, and back."""
+"""The model that tsmc and trnn share: a take as a low-rank, smooth matrix with sparse noise on its trusted entries."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics.low_rank.centred import centred
 from mocapclean.numerics.low_rank.splitting import Copies, Observation
-from mocapclean.solvers.fillable import fillable
 from mocapclean.take import Solution, Take
 
 
 class NoisyTake:
-    """A take about the mean of what is trusted, in units of ``unit`` mm.
+    """A take about the mean of its trusted samples, in units of ``unit`` mm.
 
-    start: (F, 3m), straight lines across the gaps, held at the ends.
+    start: (F, 3m), the trusted entries with straight lines across the gaps, constant at the ends of the take.
     """
 
     def __init__(self, take: Take, unit: float) -> None:
         self.take, self.unit = take, unit
-        self.wanted = fillable(take.trusted)
         self.data = centred(take.positions, take.trusted)
         self.start: Floats = self.data.interpolated / unit
 
-    def is_idle(self, denoise: bool) -> bool:
-        """Whether there is nothing to fill, nor to denoise if that is asked for."""
-        return not self.wanted.any() and not (denoise and self.take.trusted.any())
-
-    def unchanged(self) -> Solution:
-        """The answer where there is nothing to do."""
-        return Solution(positions=self.data.positions(self.data.values), filled=self.wanted, reason="nothing to fill")
-
     def observe(self, sparsity: float, smoothness: float, order: int = 2) -> Observation:
-        """The terms of the model beside its rank; ``sparsity`` is λ √max(F, 3M)."""
+        """Return the terms of the model other than the rank. sparsity: λ √max(F, 3M), of which λ is the weight."""
         return Observation(
             data=np.asfortranarray(self.data.values / self.unit),
             known=np.asfortranarray(self.data.known),
@@ -45,6 +35,7 @@ class NoisyTake:
         self,
         low: Floats,
         copies: Copies,
+        fillable: Bools,
         *,
         denoise: bool,
         converged: bool,
@@ -52,21 +43,24 @@ class NoisyTake:
         trace: Sequence[float],
         facts: Mapping[str, float | int | str] | None = None,
     ) -> Solution:
-        """The answer from X = ``low`` and its copies: X where untrusted, D − S where trusted."""
+        """Return the Solution for X = ``low`` and its copies: X where untrusted, D − S where trusted."""
         trusted = self.take.trusted
+        # S, in millimetres, at the columns of the markers that are trusted in some frame.
         outliers = np.zeros(self.take.positions.shape)
         noise = copies.observation.outliers(copies.clean) * self.unit
         outliers[:, self.data.used] = noise.reshape(len(noise), -1, 3)
-        kept = np.where(trusted[..., None], self.take.positions, 0.0) - outliers
+        # D − S on the trusted samples, X on the others.
+        denoised = np.where(trusted[..., None], self.take.positions, 0.0) - outliers
         estimate = self.data.positions(low * self.unit)
+        noisy = outliers.any(axis=2)
         return Solution(
-            positions=np.where(trusted[..., None], kept, estimate),
-            filled=self.wanted,
+            positions=np.where(trusted[..., None], denoised, estimate),
+            filled=fillable,
             converged=converged,
             iterations=len(trace),
             reason=reason,
             trace=tuple(trace),
-            facts=dict(facts or {}) | {"noisy_samples": int(np.count_nonzero(outliers.any(axis=2)))},
+            facts=dict(facts or {}) | {"noisy_samples": int(np.count_nonzero(noisy))},
             outliers=outliers,
-            moved=np.asarray(outliers.any(axis=2)) if denoise else None,
+            moved=np.asarray(noisy) if denoise else None,
         )

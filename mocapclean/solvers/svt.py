@@ -3,20 +3,20 @@
     min_Z  τ‖Z‖_* + ½‖Z‖_F²    subject to  Z = B on the trusted entries
 
 Z (F, 3M) is the take with frames in rows and B its trusted entries. With a large τ the second term hardly counts and
-Z comes near the matrix of least nuclear norm. As printed, the multipliers climb the dual from y = B:
+Z comes near the matrix of least nuclear norm. As printed, the multipliers ascend the dual from y = B:
 
     Z = 𝒟_τ(y)    y += δ (B − Z) on the trusted entries
 
 J.-F. Cai, E. J. Candès, Z. Shen, 2010, doi:10.1137/080738970; for motion capture R. Y. Q. Lai, P. C. Yuen, K. K. W.
 Lee, 2011; the settings are those of "BSVT" in C.-H. Tan, J. Hou, L.-P. Chau, 2015, doi:10.1007/s00371-014-1031-5,
 whose lengths are in units of 56.444 mm: τ = 8 √(F · 3M), δ = 1.5 (0.75 for comparison), and a root mean square
-residual of 0.01 over the trusted entries as the end.
+residual of 0.01 over the trusted entries to stop at.
 
 Where this departs from the print, and why:
 
 - ``iteration="accelerated"`` solves the same problem by Douglas-Rachford splitting with Anderson's extrapolation, in
   some tens of iterations; ``"paper"`` is the iteration above.
-- While ‖y‖₂ ≤ τ, Z is 0 and y only grows: those iterations of ``"paper"`` are jumped over, which changes nothing.
+- While ‖y‖₂ ≤ τ, Z is 0 and y only grows: ``"paper"`` skips those iterations, which changes nothing.
 - ``origin="mean"`` takes positions about the mean of the trusted samples, so that moving the world moves the answer;
   the paper's numbers come from positions as they are in the file (``"file"``).
 - Tan's limit of iterations is not printed.
@@ -32,62 +32,76 @@ from typing import Annotated, Literal
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.arrays import Bools
 from mocapclean.numerics.low_rank.bounded_completion import complete
 from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
 from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate, ascend, no_edges
-from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import fillable
+from mocapclean.parameters import STRICT, About
+from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
 REFERENCE = "J.-F. Cai, E. J. Candès, Z. Shen, 2010, A singular value thresholding algorithm, doi:10.1137/080738970"
 
+TRAITS = Traits()
+
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
-    """The threshold, and how to reach the minimum."""
+    """The threshold, and the iteration to the minimum."""
 
-    threshold: Annotated[float, Field(gt=0, description="τ / √(3FM), mm, threshold per root of the entries")] = 451.556
+    threshold: Annotated[
+        float, Field(gt=0), About(symbol="τ / √(3FM)", unit="mm", text="threshold per root of the entries")
+    ] = 451.556
     tolerance: Annotated[
-        float, Field(ge=0, description="tol, mm, root mean square residual of the trusted entries to stop at")
+        float,
+        Field(ge=0),
+        About(symbol="tol", unit="mm", text="root mean square residual of the trusted entries to stop at"),
     ] = 0.564444
     iteration: Annotated[
-        Literal["accelerated", "paper"], Field(description="k, 1, extrapolated splitting, or the printed plain ascent")
+        Literal["accelerated", "paper"], About(symbol="k", text="extrapolated splitting, or the printed plain ascent")
     ] = "accelerated"
     penalty: Annotated[
         float,
-        Field(gt=0, description="ρ, 1, accelerated: ‖B‖₂ over the threshold of a step; only the speed depends on it"),
+        Field(gt=0),
+        About(symbol="ρ", text="accelerated: ‖B‖₂ over the threshold of a step; only the speed depends on it"),
     ] = 80.0
     memory: Annotated[
-        int, Field(ge=0, le=50, description="m, 1, accelerated: iterations that Anderson extrapolates from")
+        int, Field(ge=0, le=50), About(symbol="m", text="accelerated: iterations that Anderson extrapolates from")
     ] = 10
-    step: Annotated[float, Field(gt=0, lt=2, description="δ, 1, step of the plain ascent; 0.75 in comparisons")] = 1.5
+    step: Annotated[
+        float, Field(gt=0, lt=2), About(symbol="δ", text="step of the plain ascent; 0.75 in comparisons")
+    ] = 1.5
     origin: Annotated[
-        Literal["mean", "file"], Field(description="o, 1, positions about their mean, or as they are in the file")
+        Literal["mean", "file"], About(symbol="o", text="positions about their mean, or as they are in the file")
     ] = "mean"
-    max_iterations: Annotated[int, Field(ge=1, description="k_max, 1, most iterations, after the kick-start")] = 5000
+    max_iterations: Annotated[int, Field(ge=1), About(symbol="k_max", text="most iterations, after the kick-start")] = (
+        5000
+    )
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
-    """Fill every marker and frame that has some evidence; the trace is the residual in mm."""
-    wanted = fillable(take.trusted)
+def solve(take: Take, params: Params, fillable: Bools) -> Solution:
+    """Return the take with all fillable samples (F, M) filled; the trace is the residual in mm."""
     data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
-    if not wanted.any():
-        return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
-    found = minimise(data, no_edges(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
-    end = "the residual is" if found.converged else f"max_iterations {params.max_iterations} reached; residual"
+    result = minimise(data, no_edges(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
+    residual = f"{result.residual:.2g} mm"
     return Solution(
-        positions=data.positions(found.matrix),
-        filled=wanted,
-        converged=found.converged,
-        iterations=len(found.trace),
-        reason=f"{end} {found.residual:.2g} mm",
-        trace=tuple(found.trace),
+        positions=data.positions(result.matrix),
+        filled=fillable,
+        converged=result.converged,
+        iterations=len(result.trace),
+        reason=f"the residual is {residual}"
+        if result.converged
+        else limit_reached(params, "max_iterations", f"residual {residual}"),
+        trace=tuple(result.trace),
     )
 
 
 def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, excess_tolerance: float) -> Iterate:
-    """The matrix that bounds on ``edges`` allow; ``step`` and kick-start are those of the printed ascent."""
+    """Return the low-rank matrix within the bounds on ``edges``.
+
+    step: δ of the printed ascent. excess_tolerance: mm by which an edge may be too long at the end.
+    """
+    # τ from τ / √(3FM): a norm over all entries
     threshold = params.threshold * data.values.size**0.5
     if params.iteration == "paper":
         return ascend(

@@ -3,7 +3,7 @@
     min_{X,S}  ‖X‖_r + λ ‖P_Ω(S)‖₁ + (μ/2) ‖OX‖_F²     subject to  P_Ω(X + S) = P_Ω(D),  rank X ≤ d        (3)
 
 ‖X‖_r = Σ_{i>r} σ_i leaves the r largest singular values free; the rest is ``tsmc``. X = R Lᵀ with LᵀL = I, R (F, d),
-so that ‖X‖_* = ‖R‖_*; the free part is the tangent T = U_r V_rᵀ of the top singular vectors of X before. With the
+so that ‖X‖_* = ‖R‖_*; the free part is the tangent T = U_r V_rᵀ of the top singular vectors of the previous X. With the
 copies M and C = P_Ω(D) − S and N = (M + C)/2 + (Y₁ + Y₂ + T)/(2η) one iteration is
 
     R, L = argmin ‖R‖_* + η ‖R Lᵀ − N‖²      then S, M, Y₁, Y₂ as in ``tsmc`` and η ← min(ρη, η_max)
@@ -13,19 +13,20 @@ W. Hu, Z. Wang, S. Liu, X. Yang, G. Yu, J. J. Zhang, 2017, IEEE Signal Processin
 Where this departs from the print, and why:
 
 - The print moves L, the polar factor of NᵀR, and then R = 𝒟_{1/(2η)}(N L). Where R has lost rank that factor is not
-  unique. Both at once are the d largest singular values of N, shrunk, and no dearer at the size of a body;
+  unique. Both at once are the d largest singular values of N, shrunk, at the same cost for a matrix of a body's size;
   ``factors="alternating"`` is the printed step. U and V come from X together, not by one half-step each. The fixed
   points are the same.
 - The text has no equations for S and M; these are the minimisers. The convergence test names E for S.
-- The printed growth ρ = 1.4 freezes X within some 50 iterations near where it started: on long gaps it is little better
-  than straight lines and worse than ``tsmc``. ρ = 1.02 gives it the time to leave; with that it is mostly better. The
+- The printed growth ρ = 1.4 freezes X within some 50 iterations near its start: on long gaps it is little better
+  than straight lines and worse than ``tsmc``. ρ = 1.02 leaves time to move away; with that it is mostly better. The
   penalty grows between X and its copies. ``polish`` goes on with a fixed penalty until X is stationary.
 - d, η_max and the start are not printed: d is the rank rule without its limit, η_max 1e10. Gaps start at the mean, so
   that the top singular vectors of a line across them do not protect that line; ``start="interpolated"`` has the line.
   Both ranks are those of the interpolated matrix, as printed.
 - Data are about their mean and divided by ``unit``, as in ``tsmc``.
 
-The way through a slow ramp is long and not convex: where several ends are as good, rounding may choose among them.
+With a slowly growing penalty the iteration is long and not convex: where several minima are as good, rounding may
+choose among them.
 
 Cost per iteration: a Gram matrix and two products of F × 3M, O(F M²), an eigenproblem of 3M, O(M³), and a
 pentadiagonal solve, O(F M).
@@ -37,8 +38,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.arrays import Floats
-from mocapclean.dictionaries.dictionary import Dictionary
+from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics.low_rank.shrinkage import (
     shrink_singular_values,
     shrink_truncated,
@@ -46,7 +46,8 @@ from mocapclean.numerics.low_rank.shrinkage import (
     top_singular_directions,
 )
 from mocapclean.numerics.low_rank.splitting import Copies, Observation
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import STRICT, About
+from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.solvers.sparse_noise import NoisyTake
 from mocapclean.take import Solution, Take
 
@@ -55,70 +56,87 @@ REFERENCE = (
     "norm regularization, IEEE Signal Process. Lett."
 )
 
+TRAITS = Traits(cleans_complete_takes=True)
+
+_SEPARATION_PENALTY = 1.25  # η₀ ‖D‖₂ of Hu's experiment on synthetic matrices
+
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
-    """The weights of the model, its ranks, and the ramp of the penalty."""
+    """The weights of the model, its ranks, and the growth of the penalty."""
 
     rank: Annotated[
         Literal["auto"] | Annotated[int, Field(ge=0)],
-        Field(description="r, 1, singular values left free; auto: the last wide gap of the spectrum"),
+        Field(),
+        About(symbol="r", text="singular values left free; auto: the last wide gap of the spectrum"),
     ] = "auto"
-    rank_gap: Annotated[float, Field(gt=0, description="θ, mm, least step between singular values for auto")] = 5.644
-    rank_limit: Annotated[int, Field(ge=0, description="r_max, 1, largest rank that auto may choose")] = 15
+    rank_gap: Annotated[
+        float, Field(gt=0), About(symbol="θ", unit="mm", text="least step between singular values for auto")
+    ] = 5.644
+    rank_limit: Annotated[int, Field(ge=0), About(symbol="r_max", text="largest rank that auto may choose")] = 15
     dimension: Annotated[
         Literal["auto"] | Annotated[int, Field(ge=1)],
-        Field(description="d, 1, largest rank of X; auto: the last wide gap without the limit, at least r"),
+        Field(),
+        About(symbol="d", text="largest rank of X; auto: the last wide gap without the limit, at least r"),
     ] = "auto"
     factors: Annotated[
-        Literal["joint", "alternating"], Field(description="R L', 1, minimise over both factors at once, or in turn")
+        Literal["joint", "alternating"], About(symbol="R L'", text="minimise over both factors at once, or in turn")
     ] = "joint"
     start: Annotated[
-        Literal["interpolated", "zero"], Field(description="X_0, 1, gaps start as straight lines, or at the mean")
+        Literal["interpolated", "zero"], About(symbol="X_0", text="gaps start as straight lines, or at the mean")
     ] = "zero"
-    sparsity: Annotated[float, Field(gt=0, description="λ √max(F, 3M), 1, weight of the noise")] = 100.0
-    smoothness: Annotated[float, Field(ge=0, description="μ, 1/unit, weight of the squared differences")] = 100.0
-    unit: Annotated[float, Field(gt=0, description="u, mm, length that counts as 1 (CMU: 56.444)")] = 56.444
-    penalty: Annotated[float, Field(gt=0, description="η₀, 1/unit, penalty at the start")] = 1e-5
-    growth: Annotated[float, Field(ge=1, le=10, description="ρ, 1, factor of the penalty in every iteration")] = 1.02
-    penalty_limit: Annotated[float, Field(gt=0, description="η_max, 1/unit, largest penalty")] = 1e10
+    sparsity: Annotated[float, Field(gt=0), About(symbol="λ √max(F, 3M)", text="weight of the noise")] = 100.0
+    smoothness: Annotated[
+        float, Field(ge=0), About(symbol="μ", unit="1/unit", text="weight of the squared differences")
+    ] = 100.0
+    unit: Annotated[float, Field(gt=0), About(symbol="u", unit="mm", text="length that counts as 1 (CMU: 56.444)")] = (
+        56.444
+    )
+    penalty: Annotated[float, Field(gt=0), About(symbol="η₀", unit="1/unit", text="penalty at the start")] = 1e-5
+    growth: Annotated[float, Field(ge=1, le=10), About(symbol="ρ", text="factor of the penalty in every iteration")] = (
+        1.02
+    )
+    penalty_limit: Annotated[float, Field(gt=0), About(symbol="η_max", unit="1/unit", text="largest penalty")] = 1e10
     tolerance: Annotated[
-        float, Field(ge=0, description="ε, 1, distance of X from its copies to stop at, relative to the data")
+        float, Field(ge=0), About(symbol="ε", text="distance of X from its copies to stop at, relative to the data")
     ] = 1e-4
     polish: Annotated[
-        float, Field(ge=0, description="η_f, 1/unit, fixed penalty to go on with after the ramp; 0: stop there")
+        float,
+        Field(ge=0),
+        About(symbol="η_f", unit="1/unit", text="fixed penalty to go on with after the growing one; 0: stop there"),
     ] = 0.0
-    polish_tolerance: Annotated[float, Field(ge=0, description="ε_f, 1, as tolerance, for the fixed penalty")] = 1e-6
-    denoise: Annotated[bool, Field(description="S, 1, offer trusted samples less their noise as well")] = False
-    max_iterations: Annotated[int, Field(ge=1, description="K, 1, most iterations in all")] = 3000
+    polish_tolerance: Annotated[float, Field(ge=0), About(symbol="ε_f", text="as tolerance, for the fixed penalty")] = (
+        1e-6
+    )
+    denoise: Annotated[bool, About(symbol="S", text="offer trusted samples less their noise as well")] = False
+    max_iterations: Annotated[int, Field(ge=1), About(symbol="K", text="most iterations in all")] = 3000
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
-    """Fill every marker and frame that has some evidence; ``outliers`` is S.
+def solve(take: Take, params: Params, fillable: Bools) -> Solution:
+    """Return the take with all fillable samples (F, M) filled; ``outliers`` is S.
 
     The trace is the distance of X from its copies, relative to the data.
     """
-    problem = NoisyTake(take, params.unit)
-    if problem.is_idle(params.denoise):
-        return problem.unchanged()
-    rank, dimension = choose(problem.start, params)
-    start = problem.start if params.start == "interpolated" else problem.data.values / params.unit
-    alm = Alm(start, problem.observe(params.sparsity, params.smoothness), rank, dimension, params)
-    converged = alm.run()
-    reached = "" if converged else f"max_iterations {params.max_iterations} reached; "
-    return problem.solution(
-        alm.low,
-        alm.copies,
+    noisy = NoisyTake(take, params.unit)
+    rank, dimension = ranks_of(noisy.start, params)
+    start = noisy.start if params.start == "interpolated" else noisy.data.values / params.unit
+    iteration = Alm(start, noisy.observe(params.sparsity, params.smoothness), rank, dimension, params)
+    converged = iteration.run()
+    state = f"X is within {iteration.trace[-1]:.1e} of its copies"
+    return noisy.solution(
+        iteration.low,
+        iteration.copies,
+        fillable,
         denoise=params.denoise,
         converged=converged,
-        reason=f"{reached}X is within {alm.trace[-1]:.1e} of its copies",
-        trace=alm.trace,
+        reason=state if converged else limit_reached(params, "max_iterations", state),
+        trace=iteration.trace,
         facts={"rank": rank, "dimension": dimension},
     )
 
 
-def choose(start: Floats, params: Params) -> tuple[int, int]:
-    """r and d for a start (F, n) in units of ``unit``."""
+def ranks_of(start: Floats, params: Params) -> tuple[int, int]:
+    """Return r and d for an interpolated matrix (F, n) in units of ``unit``."""
     gap, most = params.rank_gap / params.unit, min(start.shape)
     rank = spectral_gap_rank(start, gap, params.rank_limit) if params.rank == "auto" else params.rank
     dimension = spectral_gap_rank(start, gap, most) if params.dimension == "auto" else params.dimension
@@ -128,24 +146,25 @@ def choose(start: Floats, params: Params) -> tuple[int, int]:
 def separate(
     matrix: Floats, rank: int, *, growth: float = 1.5, tolerance: float = 1e-7, max_iterations: int = 1000
 ) -> tuple[Floats, Floats, int]:
-    """A matrix (F, n) as the sum of one of rank at most ``rank`` and a sparse one; these and the iterations taken.
+    """Return a matrix (F, n) as the sum of one of rank at most ``rank`` and a sparse one, and the iterations taken.
 
-    Hu's experiment on synthetic matrices: μ = 0, Ω everything, λ = 1/√max(F, n), d = r, η₀ = 1.25 / ‖D‖₂.
+    This is Hu's experiment on synthetic matrices: μ = 0, Ω everything, λ = 1/√max(F, n), d = r, η₀ = 1.25 / ‖D‖₂.
     """
     everything = np.ones(matrix.shape, dtype=bool, order="F")
     weight = 1.0 / max(matrix.shape) ** 0.5
     observation = Observation(data=np.asfortranarray(matrix), known=everything, sparsity=weight, smoothness=0.0)
-    penalty = 1.25 / (float(np.linalg.norm(matrix, 2)) or 1.0)
+    penalty = _SEPARATION_PENALTY / (float(np.linalg.norm(matrix, 2)) or 1.0)
     params = Params(penalty=penalty, growth=growth, tolerance=tolerance, max_iterations=max_iterations)
-    alm = Alm(matrix, observation, rank, rank, params)
-    alm.run()
-    return alm.low, observation.outliers(alm.copies.clean), len(alm.trace)
+    iteration = Alm(matrix, observation, rank, rank, params)
+    iteration.run()
+    return iteration.low, observation.outliers(iteration.copies.clean), len(iteration.trace)
 
 
 class Alm:
-    """The iteration: X (``low``) against its copies, and the distances between them (``trace``).
+    """The augmented Lagrangian iteration: X (``low``) against its copies, and the distances between them (``trace``).
 
-    penalty: η of the next iteration. tangent: T (F, n). left: L (n, d), kept where the factors move in turn only.
+    penalty: η of the next iteration. tangent: T (F, n). left: L (n, d) and right: R (F, d), kept only where the factors
+    move in turn.
     """
 
     def __init__(self, start: Floats, observation: Observation, rank: int, dimension: int, params: Params) -> None:
@@ -163,7 +182,7 @@ class Alm:
         self.copies = Copies(self.low, observation)
 
     def run(self) -> bool:
-        """The ramp, and the fixed penalty after it if asked for; whether X came to agree with its copies."""
+        """Iterate with the growing penalty, then with the fixed one if asked for; return whether X agrees at last."""
         params = self.params
         settled = self._iterate(params.growth, params.tolerance, params.penalty_limit)
         if settled and params.polish:
@@ -171,26 +190,31 @@ class Alm:
         return settled
 
     def _iterate(self, growth: float, tolerance: float, limit: float) -> bool:
+        """Iterate until X is within the tolerance of its copies; return whether it came there."""
         while len(self.trace) < self.params.max_iterations:
             self._move_low(self.copies.settle(self.penalty))
+            # η ← min(ρη, η_max); the multipliers in the state are divided by η, so they scale with it.
             following = min(growth * self.penalty, limit)
-            self.copies.state, gap = self.copies.image(self.low, following / self.penalty)
+            self.copies.state, distance = self.copies.image(self.low, following / self.penalty)
             self.penalty = following
-            self.trace.append(gap)
-            if gap <= tolerance:
+            self.trace.append(distance)
+            if distance <= tolerance:
                 return True
         return False
 
     def _move_low(self, target: Floats) -> None:
-        """X and T from Z (F, n)."""
+        """Set X and T from the mean of the copies and multipliers (F, n)."""
+        # N = target + T / (2η), with 2η the number of copies times η
         threshold = 1.0 / (self.n_copies * self.penalty)
-        lifted = np.multiply(self.tangent, threshold, out=self.tangent)
-        lifted += target
+        shifted = np.multiply(self.tangent, threshold, out=self.tangent)
+        shifted += target
         if self.alternating:
-            across, _, along = np.linalg.svd(lifted.T @ self.right, full_matrices=False)
+            # L = the polar factor of NᵀR, then R = 𝒟_{1/(2η)}(N L), X = R Lᵀ, T = U_r V_rᵀ of R, times Lᵀ
+            across, _, along = np.linalg.svd(shifted.T @ self.right, full_matrices=False)
             self.left = across @ along
-            self.right, _ = shrink_singular_values(lifted @ self.left, threshold)
+            self.right, _ = shrink_singular_values(shifted @ self.left, threshold)
             np.matmul(self.right, self.left.T, out=self.low)
             self.tangent = top_singular_directions(self.right, self.rank) @ self.left.T
         else:
-            self.tangent = shrink_truncated(lifted, threshold, self.dimension, self.rank, self.low)
+            # X = the d largest singular values of N, shrunk by 1/(2η)
+            self.tangent = shrink_truncated(shifted, threshold, self.dimension, self.rank, self.low)

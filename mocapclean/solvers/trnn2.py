@@ -6,7 +6,7 @@ X (F, 3M) is the take with frames in rows, ‖X‖_r = Σ_{i>r} σ_i, D₁ the f
 ‖·‖₁ the sum of magnitudes. ‖X‖_r is a difference of convex functions: the outer loop replaces its concave part by
 its tangent ⟨AᵀB, X⟩ (A, B the top r singular vectors), the inner loop is an ADMM with W = (X, X, D₁X, D₂X):
 
-    X   = argmin Σ c_i ‖G_i X − W_i + U_i‖²  with the trusted entries held       (U_i the multipliers / ρ)
+    X   = argmin Σ c_i ‖G_i X − W_i + U_i‖²  with the trusted entries fixed      (U_i the multipliers / ρ)
     W₁  = 𝒟_{1/ρ}(X + U₁)    W₃ = 𝒮_{β₁/(c₃ρ)}(D₁X + U₃)    W₄ = 𝒟_{β₂/(c₄ρ)}(D₂X + U₄)    U_i += G_i X − W_i
 
 R. Imamura, M. Okuda, 2018.
@@ -20,12 +20,12 @@ Where this departs from the print, and why:
   couple the frames, that is no minimiser; ``x_step="exact"`` solves for the free entries, given the trusted ones.
 - The square D₁D₁ has a first difference in its last but one row; ``d2="clean"`` leaves it out.
 - W₂ = X and U₂ = −AᵀB/ρ from the first iteration on, so neither is stored.
-- One scalar spread normalises the data as printed, but the mean is taken for x, y and z apart: with one mean for
-  all three the answer would depend on where the origin is.
-- The data are the trusted entries only, and X starts as the linear interpolation with held ends, not with zeros.
+- One scalar spread normalises the data as printed, but x, y and z have a mean each: with one mean for
+  all three the answer would depend on the origin of the coordinates.
+- The data are the trusted entries only. X starts as the linear interpolation, constant at the ends, not with zeros.
 - From an interpolated start the top singular vectors contain the interpolated gaps and protect them. So the rank
   is raised step by step (``rank_schedule``), each stage starting from the last; an empty schedule and a number
-  for ``rank`` is the method as printed.
+  for ``rank`` are the method as printed.
 - The paper gives no weights, rank, penalty or limits. Those here come from benchmarks/trnn2_sweep.py.
 
 Cost per iteration: two Gram matrices and products of F × 3M, O(F M²), two eigenproblems of 3M, O(M³), and one
@@ -39,7 +39,6 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.low_rank.differences import FreeSystem, add_adjoint, difference, normal_bands, times_bands
 from mocapclean.numerics.low_rank.shrinkage import (
@@ -48,13 +47,16 @@ from mocapclean.numerics.low_rank.shrinkage import (
     spectral_gap_rank,
     top_singular_directions,
 )
-from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import fillable
+from mocapclean.parameters import STRICT, About
+from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
 REFERENCE = "R. Imamura, M. Okuda, 2018, motion capture recovery by truncated nuclear norm and differences"
-CHECK_EVERY = 10
-TINY = np.finfo(np.float64).tiny
+
+TRAITS = Traits()
+
+CHECK_EVERY = 10  # iterations from one computation of the residuals to the next; no sweep was kept
+TINY = np.finfo(np.float64).tiny  # keeps a quotient of norms finite where both are 0
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -63,45 +65,50 @@ class Params:
 
     rank: Annotated[
         Literal["auto"] | Annotated[int, Field(ge=0)],
-        Field(description="r, 1, singular values left free; auto: the last wide gap of the spectrum"),
+        Field(),
+        About(symbol="r", text="singular values left free; auto: the last wide gap of the spectrum"),
     ] = "auto"
     rank_gap: Annotated[
-        float, Field(gt=0, description="θ, mm, least step between singular values for rank auto (Hu et al. 2017)")
+        float,
+        Field(gt=0),
+        About(symbol="θ", unit="mm", text="least step between singular values for rank auto (Hu et al. 2017)"),
     ] = 5.644
-    rank_limit: Annotated[int, Field(ge=0, description="r_max, 1, largest rank that auto may choose")] = 15
+    rank_limit: Annotated[int, Field(ge=0), About(symbol="r_max", text="largest rank that auto may choose")] = 15
     rank_schedule: Annotated[
         tuple[Annotated[int, Field(ge=0, strict=True)], ...],
-        Field(strict=False, description="r_s, 1, ranks passed through on the way to r; empty: start at r"),
+        Field(strict=False),
+        About(symbol="r_s", text="ranks passed through before r; empty: start at r"),
     ] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 10, 12)
-    first_weight: Annotated[float, Field(ge=0, description="β₁, 1, weight of the first difference")] = 1e-2
-    second_weight: Annotated[float, Field(ge=0, description="β₂, 1, weight of the second difference")] = 10.0
-    penalty: Annotated[float, Field(gt=0, description="ρ, 1, penalty of the inner ADMM")] = 0.3
+    first_weight: Annotated[float, Field(ge=0), About(symbol="β₁", text="weight of the first difference")] = 1e-2
+    second_weight: Annotated[float, Field(ge=0), About(symbol="β₂", text="weight of the second difference")] = 10.0
+    penalty: Annotated[float, Field(gt=0), About(symbol="ρ", text="penalty of the inner ADMM")] = 0.3
     form: Annotated[
-        Literal["uniform", "paper"], Field(description="c, 1, penalty weights of the blocks: 1 or (1, 1, β₁, β₂)")
+        Literal["uniform", "paper"], About(symbol="c", text="penalty weights of the blocks: 1 or (1, 1, β₁, β₂)")
     ] = "uniform"
     x_step: Annotated[
-        Literal["exact", "paper"], Field(description="X, 1, minimise over the free entries, or overwrite as printed")
+        Literal["exact", "paper"], About(symbol="X", text="minimise over the free entries, or overwrite as printed")
     ] = "exact"
     d2: Annotated[
-        Literal["clean", "paper"], Field(description="D₂, 1, end of the second difference: left out, or D₁D₁")
+        Literal["clean", "paper"], About(symbol="D₂", text="end of the second difference: left out, or D₁D₁")
     ] = "clean"
     tolerance: Annotated[
-        float, Field(ge=0, description="ε, 1, relative size of the primal and dual residuals to stop at")
+        float, Field(ge=0), About(symbol="ε", text="relative size of the primal and dual residuals to stop at")
     ] = 3e-4
-    inner_iterations: Annotated[int, Field(ge=1, description="k, 1, most iterations of one inner loop")] = 80
-    outer_iterations: Annotated[int, Field(ge=1, description="l, 1, most outer steps at the last rank; one before")] = 3
-    max_iterations: Annotated[int, Field(ge=1, description="K, 1, most inner iterations in all")] = 3000
+    inner_iterations: Annotated[int, Field(ge=1), About(symbol="k", text="most iterations of one inner loop")] = 80
+    outer_iterations: Annotated[
+        int, Field(ge=1), About(symbol="l", text="most outer steps at the last rank; one before")
+    ] = 3
+    max_iterations: Annotated[int, Field(ge=1), About(symbol="K", text="most inner iterations in all")] = 3000
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
-    """Fill every marker and frame that has some evidence, edges included.
+def solve(take: Take, params: Params, fillable: Bools) -> Solution:
+    """Return the take with all fillable samples (F, M) filled.
 
     The trace is the objective of the printed (4), in normalised units, after every outer step.
     """
-    trusted, wanted = take.trusted, fillable(take.trusted)
+    trusted = take.trusted
     known = np.where(trusted[..., None], take.positions, 0.0)
-    if not wanted.any():
-        return Solution(positions=known, filled=wanted, reason="nothing to fill")
+    # M: the positions about their mean, divided by one spread, gaps interpolated
     used = trusted.any(axis=0)
     centre = known[trusted].mean(axis=0)
     spread = float(np.sqrt(np.mean((known[trusted] - centre) ** 2))) or 1.0
@@ -109,12 +116,12 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     x = ((start - centre) / spread).reshape(len(start), -1)
     rank = min(_rank(x, spread, params), *x.shape)
     admm = Admm(x, ~trusted[:, used], params)
-    converged, trace = _continue_rank(admm, rank, params)
+    converged, trace = _raise_rank(admm, rank, params)
     estimate = np.zeros_like(known)
     estimate[:, used] = admm.x.reshape(start.shape) * spread + centre
     return Solution(
-        positions=np.where(wanted[..., None], estimate, known),
-        filled=wanted,
+        positions=np.where(fillable[..., None], estimate, known),
+        filled=fillable,
         converged=converged,
         iterations=admm.iterations,
         reason=_reason(converged, admm, params),
@@ -132,13 +139,12 @@ def _rank(x: Floats, spread: float, params: Params) -> int:
 def _reason(converged: bool, admm: "Admm", params: Params) -> str:
     if converged:
         return f"primal and dual residuals are within {params.tolerance:g} at the last rank"
-    if admm.iterations == params.max_iterations:
-        return f"max_iterations {params.max_iterations} reached; residual {admm.residual:.1e}"
-    return f"outer_iterations {params.outer_iterations} reached; residual {admm.residual:.1e}"
+    limit = "max_iterations" if admm.iterations == params.max_iterations else "outer_iterations"
+    return limit_reached(params, limit, f"residual {admm.residual:.1e}")
 
 
-def _continue_rank(admm: "Admm", rank: int, params: Params) -> tuple[bool, list[float]]:
-    """Raise the rank through the schedule; whether the last stage converged, and the objectives."""
+def _raise_rank(admm: "Admm", rank: int, params: Params) -> tuple[bool, list[float]]:
+    """Raise the rank through the schedule; return whether the last stage converged, and the objectives."""
     trace: list[float] = []
     for stage in [*(r for r in params.rank_schedule if r < rank), rank]:
         before, converged = np.inf, False
@@ -153,38 +159,44 @@ def _continue_rank(admm: "Admm", rank: int, params: Params) -> tuple[bool, list[
 
 
 class Admm:
-    """The inner loop and what it carries from one convex problem to the next.
+    """The inner loop, and its state from one convex problem to the next.
 
-    x: (F, 3M) the iterate, exact where trusted. For the blocks i = 1, 3, 4, ``u`` is the multiplier divided by ρ
-    and ``q`` is W − U, used up by the step in X; block 2 needs none, see the head of this module.
+    x: (F, 3M) the iterate, exact where trusted. For the blocks i = 1, 3, 4, ``u`` is the multiplier divided by ρ, ``c``
+    the weight, ``t`` the threshold times c, and ``q`` is W − U, consumed by the step in X. Block 2 needs none of them,
+    see the docstring of this module.
     """
 
     def __init__(self, x: Floats, missing: Bools, params: Params) -> None:
         self.x, self.params, self.iterations, self.residual = x, params, 0, np.inf
+        # c_i is 1, or (1, 1, β₁, β₂) in the paper's form; 0 leaves a block out. t_i = c_i times the threshold.
         beta1, beta2 = params.first_weight, params.second_weight
         paper = params.form == "paper"
         self.c3, self.c4 = ((b if paper else 1.0) if b else 0.0 for b in (beta1, beta2))
         self.t1, self.t3, self.t4 = (t / params.penalty for t in ((1, 1, 1) if paper else (1, beta1, beta2)))
         self.keep_end = params.d2 == "paper"
+        # The normal equations of the step in X over its free entries, and the pull of the fixed ones.
         self.known = ~missing
         self.values = _samples(x)[self.known.ravel()]
         free = missing if params.x_step == "exact" else np.ones_like(missing)
         bands = normal_bands(len(x), 2.0, self.c3, self.c4, keep_end=self.keep_end)
         self.system = FreeSystem(bands, free)
-        held = np.where(np.repeat(free, 3, axis=1), 0.0, x)
-        self.pull = self._free(times_bands(bands, held))
+        fixed = np.where(np.repeat(free, 3, axis=1), 0.0, x)
+        self.pull = self._free(times_bands(bands, fixed))
+        # W_i = G_i X and U_i = 0
         self.d1 = difference(x)
         self.d2 = difference(self.d1, keep_end=self.keep_end)
         self.q1, self.q3, self.q4 = x.copy(), self.c3 * self.d1, self.c4 * self.d2
         self.u1, self.u3, self.u4 = (np.zeros_like(block) for block in (x, self.d1, self.d2))
 
     def _free(self, matrix: Floats) -> Floats:
+        """Return the free samples (n, 3) of a matrix (F, 3M)."""
         samples: Floats = _samples(matrix).take(self.system.places, axis=0, mode="clip")
         return samples
 
     def minimise(self, rank: int) -> bool:
-        """Minimise the convex problem tangent at x; whether both residuals came below the tolerance."""
+        """Minimise the convex problem tangent at x; return whether both residuals came below the tolerance."""
         params = self.params
+        # AᵀB / ρ
         tangent = self._free(top_singular_directions(self.x, rank)) / params.penalty
         for k in range(1, params.inner_iterations + 1):
             self._move_x(tangent)
@@ -199,21 +211,27 @@ class Admm:
         return False
 
     def _move_x(self, tangent: Floats) -> None:
+        """Set X = argmin Σ c_i ‖G_i X − W_i + U_i‖² over the free entries."""
+        # q₁ + D₁ᵀ (q₃ + D₂ᵀ q₄), then block 2 with W₂ = X and U₂ = −AᵀB/ρ
         add_adjoint(self.q3, self.q4, keep_end=self.keep_end)
         add_adjoint(self.q1, self.q3)
         solution = self.system.solve(self._free(self.q1) + self._free(self.x) + tangent - self.pull)
         _samples(self.x)[self.system.places] = solution
         if self.params.x_step == "paper":
+            # (11): overwrite the trusted entries
             _samples(self.x)[self.known.ravel()] = self.values
 
     def _move_blocks(self) -> None:
+        """Set W_i and U_i from X, and q_i = c_i (W_i − U_i)."""
         difference(self.x, out=self.d1)
         difference(self.d1, keep_end=self.keep_end, out=self.d2)
+        # W₁ = 𝒟_{1/ρ}(X + U₁), U₁ += X − W₁
         self.u1 += self.x
         shrink_singular_values(self.u1, self.t1, out=self.q1)
         self.u1 -= self.q1
         self.q1 -= self.u1
         if self.c3:
+            # V = D₁X + U₃; U₃ = V clipped to ±β₁/(c₃ρ), W₃ = V − U₃, so W₃ − U₃ = V − 2 U₃
             self.u3 += self.d1
             np.clip(self.u3, -self.t3, self.t3, out=self.q3)
             self.u3 -= self.q3
@@ -223,6 +241,7 @@ class Admm:
         else:
             self.q3.fill(0.0)
         if self.c4:
+            # W₄ = 𝒟_{β₂/(c₄ρ)}(D₂X + U₄), U₄ += D₂X − W₄
             self.u4 += self.d2
             shrink_singular_values(self.u4, self.t4, out=self.q4)
             self.u4 -= self.q4
@@ -230,7 +249,8 @@ class Admm:
             self.q4 *= self.c4
 
     def _residual(self, tangent: Floats) -> float:
-        """The larger of the primal residual, relative to X, and the dual one, relative to the multiplier of X."""
+        """Return the larger of the primal residual, relative to X, and the dual one, relative to U₁."""
+        # Primal: G_i X − W_i, with W_i = q_i / c_i + U_i; dual: Σ c_i G_iᵀ U_i less the tangent
         gaps = [np.linalg.norm(self.x - self.q1 - self.u1)]
         gradient, inner = self.u1.copy(), np.zeros_like(self.u3)
         if self.c3:
@@ -247,7 +267,7 @@ class Admm:
         return float(max(primal / (np.linalg.norm(self.x) + TINY), dual / (np.linalg.norm(self.u1) + TINY)))
 
     def objective(self, rank: int) -> float:
-        """‖X‖_r + β₁ ‖D₁X‖₁ + β₂ ‖D₂X‖_* of the iterate."""
+        """Return ‖X‖_r + β₁ ‖D₁X‖₁ + β₂ ‖D₂X‖_* of the iterate."""
         params = self.params
         total = singular_values(self.x)[rank:].sum()
         total += params.first_weight * np.abs(self.d1).sum()
@@ -256,4 +276,5 @@ class Admm:
 
 
 def _samples(matrix: Floats) -> Floats:
+    """Return the samples (F M, 3) of a matrix (F, 3M), as a view."""
     return matrix.reshape(-1, 3)

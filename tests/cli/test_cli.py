@@ -10,6 +10,7 @@ import pytest
 
 import mocapclean
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from tests.commands import files_in, launch, run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -97,9 +98,7 @@ def test_expected_errors_and_grades(folder):
     assert code == 0
     take, totals = taken(folder / "walk_filled.report.json")
     filled = mocapclean.detect(mocapclean.read(folder / "walk.c3d"))
-    solution = SOLVERS["dynammo"].solve(
-        filled, SOLVERS["dynammo"].Params(states=6, state_schedule=(), max_iterations=8)
-    )
+    solution = run_method("dynammo", filled, SOLVERS["dynammo"].Params(states=6, state_schedule=(), max_iterations=8))
     for gap in take["gaps"]:
         sd = solution.sd[gap["first"] - 1 : gap["last"], filled.markers.index(gap["marker"])]
         assert gap["expected_3d"] == pytest.approx(np.sqrt(3 * np.mean(sd**2)))

@@ -15,6 +15,7 @@ from mocapclean.simulate import hide, perform, single_gaps
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.pma.kernels import kernel_regression, likelihood
 from mocapclean.solvers.pma.sliding import median_mean
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 PUBLISHED = Path(__file__).resolve().parents[3] / "shared" / "design" / "peers_on_shared_takes.csv"
@@ -70,7 +71,7 @@ def test_pca_finds_markers_that_are_a_linear_function_of_others(parameters, rng)
     missing = np.zeros((120, 10), dtype=bool)
     missing[30:50, 2] = missing[45:60, 7] = True
     params = SOLVERS["pca"].Params(kept=0.9999, bandwidth=1e6, lost_weight=1e-6, near=9.0, **parameters)
-    solution = SOLVERS["pca"].solve(hide(take, missing), params)
+    solution = run_method("pca", hide(take, missing), params)
     assert error(take.positions, solution.positions, missing).rmse < 0.05 * take.positions.std()
 
 
@@ -81,7 +82,7 @@ def test_kalman_is_the_least_squares_path_through_what_is_seen(rng):
     trusted[8:14, 1] = trusted[11:20, 3] = trusted[:3, 0] = False
     take = Take(positions=truth.reshape(25, 5, 3), trusted=trusted, markers=tuple("abcde"), rate=120.0)
     params = SOLVERS["kalman"].Params(noise=0.5, tolerance=1e-6, complete_share=0.0)
-    solution = SOLVERS["kalman"].solve(take, params)
+    solution = run_method("kalman", take, params)
     complete = trusted.all(axis=1)
     mean = truth[complete].mean(axis=0)
     basis = np.linalg.svd(truth[complete] - mean, full_matrices=False)[2][: solution.facts["components"]].T
@@ -120,7 +121,7 @@ def test_a_rigid_body_is_filled_exactly_by_all_ways_but_pca_which_hardly_counts(
     exact = ("local", "polynomial", "kernel", "linear")
     largest = {}
     for methods in (*((way,) for way in exact), exact, ("pca",), (*exact, "pca")):
-        solution = SOLVERS["pma"].solve(hide(take, missing), SOLVERS["pma"].Params(methods=methods))
+        solution = run_method("pma", hide(take, missing), SOLVERS["pma"].Params(methods=methods))
         assert solution.filled[missing].all()
         largest[methods] = error(truth, solution.positions, missing).largest
     assert max(largest[methods] for methods in largest if "pca" not in methods) < 1e-9
@@ -132,7 +133,7 @@ def test_every_way_of_pma_meets_the_trusted_samples(way, walk):
     missing = np.zeros_like(walk.trusted)
     missing[200:300, 10] = True
     params = SOLVERS["pma"].Params(methods=(way,), space_constraint=False)
-    path = SOLVERS["pma"].solve(hide(walk, missing), params).positions[:, 10]
+    path = run_method("pma", hide(walk, missing), params).positions[:, 10]
     steps = np.linalg.norm(np.diff(np.where(missing[:, 10, None], path, walk.positions[:, 10]), axis=0), axis=1)
     assert steps[[199, 299]].max() < 2.0 * np.linalg.norm(np.diff(walk.positions[:, 10], axis=0), axis=1).max()
 
@@ -141,7 +142,7 @@ def test_the_output_filter_moves_what_is_filled_and_nothing_else(walk):
     missing = np.zeros_like(walk.trusted)
     missing[200:300, 10] = True
     plain, filtered = (
-        SOLVERS["pma"].solve(hide(walk, missing), SOLVERS["pma"].Params(output_filter=seconds)).positions
+        run_method("pma", hide(walk, missing), SOLVERS["pma"].Params(output_filter=seconds)).positions
         for seconds in (0.0, 0.07)
     )
     moved = np.abs(filtered - plain).max(axis=-1) > 1e-9
@@ -178,9 +179,9 @@ def test_every_marker_with_a_gap_somewhere_is_still_filled(method, walk):
     missing = np.zeros_like(walk.trusted)
     for k in range(missing.shape[1]):
         missing[10 * k : 10 * k + 15, k] = True
-    solution = SOLVERS[method].solve(hide(walk, missing), SOLVERS[method].Params())
+    solution = run_method(method, hide(walk, missing), SOLVERS[method].Params())
     assert solution.filled[20:-20][missing[20:-20]].all()
-    linear = SOLVERS["linear"].solve(hide(walk, missing), SOLVERS["linear"].Params())
+    linear = run_method("linear", hide(walk, missing), SOLVERS["linear"].Params())
     judged = missing & linear.filled
     assert error(walk.positions, solution.positions, judged).rmse < error(walk.positions, linear.positions, judged).rmse
 
@@ -201,6 +202,6 @@ def test_no_worse_than_the_authors_program_on_the_same_masks(method, captures):
         n_out, length, seed = (int(row[key]) for key in ("markers_out", "frames_out", "seed"))
         missing = single_gaps(*take.trusted.shape, n_out, length, np.random.default_rng(seed))
         params = SOLVERS[method].Params(**QUICK.get(method, {}))
-        solution = SOLVERS[method].solve(hide(take, missing), params)
+        solution = run_method(method, hide(take, missing), params)
         ratios.append(error(take.positions, solution.positions, missing).rmse / float(row["rmse_mm"]))
     assert np.median(ratios) < 1.1

@@ -8,6 +8,7 @@ import mocapclean
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.filling import merge
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 from mocapclean.take.status import Status, detected, supply
 
@@ -28,7 +29,7 @@ def broken_take() -> Take:
 
 
 def repaired(take: Take, wanted: np.ndarray) -> Take:
-    return merge(take, SOLVERS["linear"].solve(take, SOLVERS["linear"].Params()), wanted)
+    return merge(take, run_method("linear", take, SOLVERS["linear"].Params()), wanted)
 
 
 def status_of(before: Take, after: Take) -> np.ndarray:

@@ -10,8 +10,9 @@ import mocapclean
 from mocapclean.errors import SolverError
 from mocapclean.geometry.skeleton import Skeleton, move
 from mocapclean.simulate import block_loss, perform
-from mocapclean.solvers import bolero, dynammo
+from mocapclean.solvers import SOLVERS, dynammo
 from mocapclean.solvers.bolero import Params
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_data"
@@ -53,8 +54,10 @@ def test_hard_bones_hold_and_soft_ones_tend_to(rng):
     take, _ = arm(rng, 120)
     common = {"states": 6, "max_iterations": 50, "bone_iterations": 10}
     soft = [Params(constraint="soft", bone_weight=weight, **common) for weight in (1e3, 1.0)]
-    hard, *softer = (stretches(take, bolero.solve(take, params).positions) for params in (Params(**common), *soft))
-    free = stretches(take, dynammo.solve(take, dynammo.Params(states=6, max_iterations=50)).positions)
+    hard, *softer = (
+        stretches(take, run_method("bolero", take, params).positions) for params in (Params(**common), *soft)
+    )
+    free = stretches(take, run_method("dynammo", take, dynammo.Params(states=6, max_iterations=50)).positions)
     assert hard.max() <= 1e-3
     assert hard.mean() < softer[0].mean() < softer[1].mean() < free.mean()
     assert free.mean() > 1.0
@@ -72,8 +75,8 @@ def test_bones_help_a_boxing_figure():
         skeleton=performance.asf,
     )
     error = [
-        np.sqrt(np.square(module.solve(take, module.Params()).positions - truth)[missing].mean())
-        for module in (bolero, dynammo)
+        np.sqrt(np.square(run_method(method, take, SOLVERS[method].Params()).positions - truth)[missing].mean())
+        for method in ("bolero", "dynammo")
     ]
     assert error[0] < 0.8 * error[1]
 
@@ -95,7 +98,7 @@ def test_without_an_active_bone_it_is_dynammo(rng):
         rate=60.0,
         skeleton=take.skeleton,
     )
-    one, other = bolero.solve(far, Params()), dynammo.solve(far, dynammo.Params())
+    one, other = run_method("bolero", far, Params()), run_method("dynammo", far, dynammo.Params())
     assert one.facts["bones"] == 2
     assert np.array_equal(one.positions[one.filled], other.positions[other.filled])
     assert one.trace == other.trace
@@ -104,7 +107,7 @@ def test_without_an_active_bone_it_is_dynammo(rng):
 def test_the_likelihood_rises_with_the_bones_too(rng):
     take, _ = arm(rng)
     params = Params(state_schedule=(), states=5, max_iterations=60, bone_iterations=30, tolerance=0.0)
-    solution = bolero.solve(take, params)
+    solution = run_method("bolero", take, params)
     free, bound = solution.trace[:30], solution.trace[30:]
     assert len(bound) == 30
     assert all(b >= a - 1e-9 for a, b in pairwise(free))
@@ -114,7 +117,7 @@ def test_the_likelihood_rises_with_the_bones_too(rng):
 
 def test_stops_after_so_many_iterations_with_bones(rng):
     take, _ = arm(rng)
-    solution = bolero.solve(take, Params(bone_iterations=2, tolerance=1e-3))
+    solution = run_method("bolero", take, Params(bone_iterations=2, tolerance=1e-3))
     assert solution.reason == "bone_iterations 2 reached"
     assert not solution.converged
 
@@ -122,7 +125,7 @@ def test_stops_after_so_many_iterations_with_bones(rng):
 def test_rigid_pairs_stand_in_for_a_skeleton(rng):
     take, _ = arm(rng)
     bare = Take(positions=take.positions, trusted=take.trusted, markers=take.markers, rate=60.0)
-    solution = bolero.solve(bare, Params())
+    solution = run_method("bolero", bare, Params())
     assert solution.facts["bones_from"] == "rigid pairs"
     assert stretches(bare, solution.positions).max() < 0.1
 
@@ -130,18 +133,18 @@ def test_rigid_pairs_stand_in_for_a_skeleton(rng):
 def test_pairs_of_markers_on_skin_help_and_never_throw_a_marker():
     broken, truth = (mocapclean.read(SAMPLES / f"walk{end}.c3d").crop(100, 340) for end in ("", "_truth"))
     wrong = {}
-    for module in (bolero, dynammo):
-        miss = module.solve(broken, module.Params()).positions - truth.positions
-        wrong[module] = np.linalg.norm(miss[~broken.trusted], axis=1)
-    assert np.square(wrong[bolero]).mean() < 0.9 * np.square(wrong[dynammo]).mean()
-    assert wrong[bolero].max() < 1.1 * wrong[dynammo].max()
+    for method in ("bolero", "dynammo"):
+        miss = run_method(method, broken, SOLVERS[method].Params()).positions - truth.positions
+        wrong[method] = np.linalg.norm(miss[~broken.trusted], axis=1)
+    assert np.square(wrong["bolero"]).mean() < 0.9 * np.square(wrong["dynammo"]).mean()
+    assert wrong["bolero"].max() < 1.1 * wrong["dynammo"].max()
 
 
 def test_hidden_samples_are_not_measured(rng):
     take, _ = arm(rng)
     lost = np.where(take.trusted[..., None], take.positions, np.nan)
     bare = [Take(positions=p, trusted=take.trusted, markers=take.markers, rate=60.0) for p in (take.positions, lost)]
-    one, other = (bolero.solve(t, Params(max_iterations=30)).positions for t in bare)
+    one, other = (run_method("bolero", t, Params(max_iterations=30)).positions for t in bare)
     assert np.array_equal(one, other)
 
 
@@ -150,4 +153,4 @@ def test_refuses_where_no_bone_is_known(rng):
     trusted = np.ones((50, 4), dtype=bool)
     trusted[10:20, 2] = False
     with pytest.raises(SolverError, match="bolero must know"):
-        bolero.solve(Take(positions=positions, trusted=trusted, markers=tuple("abcd"), rate=60.0), Params())
+        run_method("bolero", Take(positions=positions, trusted=trusted, markers=tuple("abcd"), rate=60.0), Params())

@@ -7,8 +7,8 @@ import pytest
 
 from mocapclean.numerics.state_space.linear_dynamics import expect, maximise
 from mocapclean.simulate import block_loss
-from mocapclean.solvers import dynammo
-from mocapclean.solvers.dynammo import LEAST, Columns, Learner, Params
+from mocapclean.solvers.dynammo import LEAST_VARIANCE, Columns, Learner, Params
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 
@@ -33,7 +33,7 @@ def swinging(
 
 
 def error(take: Take, truth: np.ndarray, **parameters: object) -> float:
-    estimate = dynammo.solve(take, Params(**parameters)).positions
+    estimate = run_method("dynammo", take, Params(**parameters)).positions
     return float(np.sqrt(np.square(estimate - truth)[~take.trusted].mean()))
 
 
@@ -43,7 +43,7 @@ def error(take: Take, truth: np.ndarray, **parameters: object) -> float:
 def test_the_likelihood_never_falls(rng, em, process, frame):
     take, _ = swinging(rng)
     params = Params(em=em, process=process, frame=frame, states=6, state_schedule=(), max_iterations=40, tolerance=0.0)
-    trace = dynammo.solve(take, params).trace
+    trace = run_method("dynammo", take, params).trace
     assert len(trace) == 40
     assert all(b >= a - 1e-10 for a, b in pairwise(trace))
     assert trace[-1] > trace[0] + 0.01
@@ -55,7 +55,7 @@ def test_an_iteration_goes_uphill_from_its_first_inch(rng):
     learner.learn()
     data, before = learner._data(learner.counted), learner.system
     smoothed, likelihood = expect(before, data, learner.counted)
-    after = maximise(before, smoothed, data, learner.counted, full=False, least=LEAST)
+    after = maximise(before, smoothed, data, learner.counted, full=False, least=LEAST_VARIANCE)
     for share in (1e-3, 0.1, 1.0):
         loadings = before.loadings + share * (after.loadings - before.loadings)
         moved = type(before)(dynamics=before.dynamics, loadings=loadings, noise=before.noise)
@@ -70,7 +70,7 @@ def test_a_system_of_the_right_size_is_filled_to_the_noise(rng, em):
 
 def test_the_expected_error_is_the_error(rng):
     take, truth = swinging(rng, noise=20.0)
-    solution = dynammo.solve(take, Params(frame="take", states=4))
+    solution = run_method("dynammo", take, Params(frame="take", states=4))
     ratio = (solution.positions - truth)[~take.trusted] / solution.sd[~take.trusted][:, None]
     assert 0.4 < np.sqrt(np.mean(ratio**2)) < 1.2
 
@@ -101,7 +101,7 @@ def test_plus_fills_on_the_way_and_gets_near(rng):
 
 def test_states_are_no_more_than_the_take_has_directions(rng):
     take, _ = swinging(rng, 12, length=4)
-    assert dynammo.solve(take, Params(states=64, max_iterations=60)).facts["states"] <= 12
+    assert run_method("dynammo", take, Params(states=64, max_iterations=60)).facts["states"] <= 12
 
 
 def test_body_coordinates_take_out_a_turning_walk(rng):

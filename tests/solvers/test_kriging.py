@@ -4,9 +4,10 @@ import pytest
 from mocapclean.simulate import block_loss, hide, occlude
 from mocapclean.solvers import spline
 from mocapclean.solvers.fillable import fillable
-from mocapclean.solvers.kriging import Params, solve
+from mocapclean.solvers.kriging import Params
 from mocapclean.solvers.kriging.gap_splitting import split_gap
 from mocapclean.solvers.kriging.take_state import TakeState
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 RATE = 120.0
@@ -50,7 +51,7 @@ def rms(differences: np.ndarray) -> float:
 def test_a_marker_of_a_rigid_segment_comes_back_to_its_noise():
     truth = body(noise=0.3)
     missing = missing_of([(1, 100, 220), (8, 300, 360)])
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert rms((solution.positions - truth)[missing]) < 0.5
     assert 0.5 < rms((solution.positions - truth)[missing] / solution.sd[missing][:, None]) < 1.5
 
@@ -59,19 +60,19 @@ def test_a_whole_segment_lost_is_bridged_with_a_larger_sd():
     truth = body()
     missing = missing_of([(k, 200, 230) for k in range(10, 15)])
     alone = missing_of([(12, 200, 230)])
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert solution.filled[missing].all()
     assert rms((solution.positions - truth)[missing]) < rms(
-        (spline.solve(take_of(truth, missing), spline.Params()).positions - truth)[missing]
+        (run_method("spline", take_of(truth, missing), spline.Params()).positions - truth)[missing]
     )
-    assert solution.sd[missing].mean() > 3 * solve(take_of(truth, alone), Params()).sd[alone].mean()
+    assert solution.sd[missing].mean() > 3 * run_method("kriging", take_of(truth, alone), Params()).sd[alone].mean()
 
 
 @pytest.mark.parametrize("span", [(0, 40), (560, 600)])
 def test_the_ends_are_filled_and_the_error_bar_widens_outward(span):
     truth = body(noise=0.2)
     missing = missing_of([(3, *span)])
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert rms((solution.positions - truth)[missing]) < 1.0
     outward = solution.sd[slice(*span), 3]
     outward = outward if span[0] else outward[::-1]
@@ -81,7 +82,7 @@ def test_the_ends_are_filled_and_the_error_bar_widens_outward(span):
 def test_fills_join_the_trusted_samples_without_a_step():
     truth = body()
     missing = missing_of([(1, 100, 190), (6, 240, 300), (7, 250, 330)])
-    positions = np.where(missing[..., None], solve(take_of(truth, missing), Params()).positions, truth)
+    positions = np.where(missing[..., None], run_method("kriging", take_of(truth, missing), Params()).positions, truth)
     steps = np.abs(np.diff(positions, n=2, axis=0)).max()
     assert steps < np.abs(np.diff(truth, n=2, axis=0)).max() + 0.5
 
@@ -91,7 +92,7 @@ def test_error_bars_cover_90_percent_of_the_errors():
     for seed in range(4):
         truth = body(noise=0.5, seed=seed)
         missing = occlude(take_of(truth), np.random.default_rng(seed), 0.08)
-        solution = solve(take_of(truth, missing), Params())
+        solution = run_method("kriging", take_of(truth, missing), Params())
         covered.append(np.abs(solution.positions - truth)[missing] < 1.645 * solution.sd[missing][:, None])
     assert 0.8 < np.concatenate(covered).mean() < 0.98
 
@@ -100,7 +101,7 @@ def test_rigid_pairs_keep_their_lengths():
     truth = body()
     length = np.linalg.norm(truth[0, 1] - truth[0, 0])
     missing = block_loss(600, 15, 60, 3, np.random.default_rng(1))
-    solution = solve(take_of(truth, missing), Params(bone_spread=0.05))
+    solution = run_method("kriging", take_of(truth, missing), Params(bone_spread=0.05))
     filled = np.where(missing[..., None], solution.positions, truth)
     stretch = np.linalg.norm(filled[:, 1] - filled[:, 0], axis=1) - length
     assert np.abs(stretch).max() < 0.05
@@ -110,7 +111,7 @@ def test_a_gap_whose_neighbours_go_is_filled_in_segments():
     missing = missing_of([(1, 100, 200), *((k, 150, 200) for k in (0, 2, 3, 4))])
     state = TakeState(take_of(body(), missing), Params())
     assert split_gap(state.known, state.distances.weights(1), 100, 200) == [(100, 150), (150, 200)]
-    solution = solve(take_of(body(), missing), Params())
+    solution = run_method("kriging", take_of(body(), missing), Params())
     assert solution.filled[missing].all()
 
 
@@ -119,8 +120,8 @@ def test_two_people_do_not_disturb_each_other():
     missing = missing_of([(1, 100, 220)])
     both = np.concatenate([one, other], axis=1)
     wide = np.concatenate([missing, np.zeros_like(missing)], axis=1)
-    alone = solve(take_of(one, missing), Params())
-    together = solve(take_of(both, wide), Params())
+    alone = run_method("kriging", take_of(one, missing), Params())
+    together = run_method("kriging", take_of(both, wide), Params())
     assert rms((together.positions[:, :15] - one)[missing]) < rms((alone.positions - one)[missing]) + 0.5
 
 
@@ -128,7 +129,7 @@ def test_random_loss_is_filled_everywhere(rng):
     truth = body(300)
     missing = rng.random((300, 15)) < 0.4
     take = take_of(truth, missing)
-    solution = solve(take, Params(passes=1))
+    solution = run_method("kriging", take, Params(passes=1))
     assert np.array_equal(solution.filled, fillable(take.trusted))
     assert rms((solution.positions - truth)[solution.filled]) < 1.0
     assert solution.facts["passes"] == 1
@@ -138,7 +139,10 @@ def test_unwanted_gaps_are_left_and_the_wanted_ones_do_not_change():
     missing = missing_of([(1, 100, 140), (8, 300, 360)])
     wanted = missing_of([(8, 310, 320)])
     take = take_of(body(noise=0.3), missing)
-    whole, part = solve(take, Params(bone_spread=0.0)), solve(take, Params(bone_spread=0.0), wanted=wanted)
+    whole, part = (
+        run_method("kriging", take, Params(bone_spread=0.0)),
+        run_method("kriging", take, Params(bone_spread=0.0), wanted=wanted),
+    )
     assert np.array_equal(part.filled, missing_of([(8, 300, 360)]))
     assert np.array_equal(part.positions[300:360, 8], whole.positions[300:360, 8])
     assert np.array_equal(part.sd[300:360, 8], whole.sd[300:360, 8])
@@ -148,7 +152,10 @@ def test_unwanted_gaps_are_filled_where_the_wanted_ones_learn_from_them(rng):
     truth = body(480)
     missing = block_loss(480, 15, 40, 6, rng)
     wanted = missing & (np.arange(15) == 3)
-    whole, part = solve(take_of(truth, missing), Params()), solve(take_of(truth, missing), Params(), wanted=wanted)
+    whole, part = (
+        run_method("kriging", take_of(truth, missing), Params()),
+        run_method("kriging", take_of(truth, missing), Params(), wanted=wanted),
+    )
     assert part.filled.sum() > wanted.sum()
     assert rms((part.positions - truth)[wanted]) < 1.5 * rms((whole.positions - truth)[wanted]) + 0.1
 
@@ -156,7 +163,7 @@ def test_unwanted_gaps_are_filled_where_the_wanted_ones_learn_from_them(rng):
 def test_no_fill_is_farther_from_its_segment_than_twice_the_largest_known_distance():
     truth = body(240)
     missing = block_loss(240, 15, 40, 8, np.random.default_rng(3))
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert np.abs(solution.positions - truth)[solution.filled].max() < 2000.0
 
 
@@ -164,7 +171,7 @@ def test_markers_that_are_lost_together_at_the_end_do_not_mislead_each_other():
     truth = body()
     n_frames = len(truth)
     missing = missing_of([(marker, n_frames - 3, n_frames) for marker in range(5)])
-    solution = solve(take_of(truth, missing), Params(bone_spread=0.0))
+    solution = run_method("kriging", take_of(truth, missing), Params(bone_spread=0.0))
     assert solution.filled[missing].all()
     assert rms((solution.positions - truth)[missing]) < 0.1
 
@@ -172,7 +179,7 @@ def test_markers_that_are_lost_together_at_the_end_do_not_mislead_each_other():
 def test_a_marker_that_is_seldom_trusted_is_filled():
     truth = body()
     missing = missing_of([(0, start, start + 49) for start in range(1, 551, 50)] + [(0, 551, 600)])
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert solution.filled[missing].all()
     assert rms((solution.positions - truth)[missing]) < 1.0
 
@@ -191,5 +198,5 @@ def test_a_knee_between_hip_and_ankle_is_predicted_on_its_circle(rng):
     truth = np.stack([hip, knee, ankle, ankle + limb(150, swing - bend + 1.5), *others], axis=1)
     missing = np.zeros((900, 7), dtype=bool)
     missing[400:520, 1] = True
-    solution = solve(take_of(truth, missing), Params())
+    solution = run_method("kriging", take_of(truth, missing), Params())
     assert rms((solution.positions - truth)[missing]) < 2.0

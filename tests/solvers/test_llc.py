@@ -9,9 +9,10 @@ from small_dictionaries import learn
 
 from mocapclean.errors import UsageError
 from mocapclean.numerics.coding.locality import affine_weights, locality_ridge, reconstruct
-from mocapclean.solvers import SOLVERS, llc
+from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.fillable import fillable
 from mocapclean.solvers.llc import Params
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 CODING = {"neighbours": 0, "weight": 10.0, "bandwidth": 0.5, "exponent": 2}
@@ -117,7 +118,7 @@ def test_a_motion_like_the_training_is_recovered(dictionary, form):
     truth = swing(200, phase=0.3)
     trusted = np.ones((200, 12), dtype=bool)
     trusted[60:110, [4, 9]] = trusted[140:180, 1] = False
-    solution = llc.solve(make_take(truth, trusted), Params(form=form), dictionary)
+    solution = run_method("llc", make_take(truth, trusted), Params(form=form), dictionary=dictionary)
     error = np.linalg.norm(solution.positions - truth, axis=2)[~trusted]
     assert np.sqrt(np.mean(error**2)) < 15.0
     assert solution.facts["windows"] > 0
@@ -130,7 +131,7 @@ def test_blended_seams_have_no_jump(dictionary):
     take = make_take(truth, trusted)
 
     def jump(seams):
-        filled = llc.solve(take, Params(seams=seams), dictionary).positions[[60, 109], 4]
+        filled = run_method("llc", take, Params(seams=seams), dictionary=dictionary).positions[[60, 109], 4]
         return np.linalg.norm(filled - truth[[60, 109], 4], axis=1).max()
 
     assert jump("blend") < min(jump("paper"), 3.0)
@@ -141,7 +142,7 @@ def test_denoising_moves_trusted_samples_and_says_so(dictionary, rng):
     trusted = np.ones((150, 12), dtype=bool)
     trusted[40:60, 5] = False
     noisy = make_take(truth + rng.normal(scale=2.0, size=truth.shape), trusted)
-    plain, smooth = (llc.solve(noisy, Params(denoise=d), dictionary) for d in (0.0, 20.0))
+    plain, smooth = (run_method("llc", noisy, Params(denoise=d), dictionary=dictionary) for d in (0.0, 20.0))
     assert plain.moved is None
     assert np.array_equal(smooth.moved, trusted)
     errors = [np.sqrt(np.mean((s.positions - truth)[trusted] ** 2)) for s in (smooth, noisy)]
@@ -166,8 +167,8 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("method", ["llc", "srmmp"])
 def test_degenerate_takes_get_a_sane_answer(dictionary, method, case):
-    take, module = CASES[case], SOLVERS[method]
-    solution = module.solve(take, module.Params(), dictionary)
+    take, params = CASES[case], SOLVERS[method].Params()
+    solution = run_method(method, take, params, dictionary=dictionary)
     assert np.array_equal(solution.filled, fillable(take.trusted))
     if solution.filled.any():
         middle = take.positions[take.trusted].mean(axis=0)
@@ -176,13 +177,13 @@ def test_degenerate_takes_get_a_sane_answer(dictionary, method, case):
 
 @pytest.mark.parametrize("method", ["llc", "srmmp"])
 def test_a_dictionary_of_others_is_refused(dictionary, method):
-    module, take = SOLVERS[method], make_take(swing(20), np.arange(240).reshape(20, 12) != 60)
+    params, take = SOLVERS[method].Params(), make_take(swing(20), np.arange(240).reshape(20, 12) != 60)
     with pytest.raises(UsageError, match="--dictionary"):
-        module.solve(take, module.Params())
+        run_method(method, take, params)
     renamed = dataclasses.replace(take, markers=(*take.markers[:-1], "nose"))
     with pytest.raises(UsageError, match="only the take has nose; only the dictionary has m11"):
-        module.solve(renamed, module.Params(), dictionary)
+        run_method(method, renamed, params, dictionary=dictionary)
     with pytest.raises(UsageError, match="30 Hz"):
-        module.solve(dataclasses.replace(take, rate=30.0), module.Params(), dictionary)
+        run_method(method, dataclasses.replace(take, rate=30.0), params, dictionary=dictionary)
     prefixed = dataclasses.replace(take, markers=tuple(f"Ann:{name}" for name in take.markers))
-    assert module.solve(prefixed, module.Params(), dictionary).filled.any()
+    assert run_method(method, prefixed, params, dictionary=dictionary).filled.any()

@@ -8,7 +8,7 @@ from test_llc import make_take, swing
 
 from mocapclean.numerics.coding.dictionary_learning import unit
 from mocapclean.numerics.coding.sparse_coding import lasso
-from mocapclean.solvers import srmmp
+from mocapclean.solvers.running import run_method
 from mocapclean.solvers.srmmp import Params
 
 
@@ -51,7 +51,7 @@ def test_a_motion_like_the_training_is_recovered_sparsely():
     truth = swing(200, phase=0.3)
     trusted = np.ones((200, 12), dtype=bool)
     trusted[60:110, [4, 9]] = False
-    solution = srmmp.solve(make_take(truth, trusted), Params(), learn(swing(400), 60.0))
+    solution = run_method("srmmp", make_take(truth, trusted), Params(), dictionary=learn(swing(400), 60.0))
     error = np.linalg.norm(solution.positions - truth, axis=2)[~trusted]
     assert np.sqrt(np.mean(error**2)) < 15.0
     assert solution.facts["frames_not_optimal"] == 0

@@ -9,6 +9,7 @@ from mocapclean.errors import SolverError
 from mocapclean.geometry.skeleton import Channel, Skeleton
 from mocapclean.simulate import hide
 from mocapclean.solvers import scsvt, svt
+from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 LENGTHS = (400.0, 300.0, 250.0)
@@ -53,8 +54,8 @@ def rmse(solution, truth: Take, missing: np.ndarray) -> float:
 def test_bones_are_not_too_long_and_the_error_falls():
     truth, missing = arm()
     take = hide(truth, missing)
-    free = svt.solve(take, svt.Params())
-    bound = scsvt.solve(take, scsvt.Params(bone_tolerance=0.5))
+    free = run_method("svt", take, svt.Params())
+    bound = run_method("scsvt", take, scsvt.Params(bone_tolerance=0.5))
     assert bound.converged
     assert bound.facts["bones_from"] == "skeleton"
     assert longest_excess(free.positions, missing) > 5.0
@@ -64,7 +65,7 @@ def test_bones_are_not_too_long_and_the_error_falls():
 
 def test_raw_iterate_misses_the_trusted_samples_by_the_tolerance():
     truth, missing = arm()
-    solution = svt.solve(hide(truth, missing), svt.Params(tolerance=2.0))
+    solution = run_method("svt", hide(truth, missing), svt.Params(tolerance=2.0))
     residual = np.sqrt(np.mean((solution.positions - truth.positions)[~missing] ** 2))
     assert 1e-3 < residual <= 2.0
     assert solution.trace[-1] == pytest.approx(residual)
@@ -75,17 +76,17 @@ def test_long_enough_bones_give_svt():
     skeleton = replace(truth.skeleton, before=10 * truth.skeleton.before)
     take = replace(hide(truth, missing), skeleton=skeleton)
     tight = {"tolerance": 0.001, "max_iterations": 50000}
-    bound = scsvt.solve(take, scsvt.Params(**tight))
-    np.testing.assert_allclose(bound.positions, svt.solve(take, svt.Params(**tight)).positions, atol=0.5)
+    bound = run_method("scsvt", take, scsvt.Params(**tight))
+    np.testing.assert_allclose(bound.positions, run_method("svt", take, svt.Params(**tight)).positions, atol=0.5)
 
 
 def test_smaller_printed_step_takes_twice_the_iterations():
     take = hide(*arm())
-    one, half = (svt.solve(take, svt.Params(iteration="paper", step=step)) for step in (1.5, 0.75))
+    one, half = (run_method("svt", take, svt.Params(iteration="paper", step=step)) for step in (1.5, 0.75))
     assert one.converged
     assert half.iterations == pytest.approx(2 * one.iterations, rel=0.05)
     np.testing.assert_allclose(one.positions, half.positions, atol=3.0)
-    assert svt.solve(take, svt.Params()).iterations < one.iterations / 2
+    assert run_method("svt", take, svt.Params()).iterations < one.iterations / 2
 
 
 def test_units_do_not_matter_with_a_skeleton():
@@ -97,14 +98,14 @@ def test_units_do_not_matter_with_a_skeleton():
     )
     default = scsvt.Params()
     names = ("threshold", "tolerance", "bone_tolerance")
-    small = scsvt.solve(metres, scsvt.Params(**{name: getattr(default, name) / 1000 for name in names}))
-    np.testing.assert_allclose(small.positions * 1000, scsvt.solve(take, default).positions, atol=1e-4)
+    small = run_method("scsvt", metres, scsvt.Params(**{name: getattr(default, name) / 1000 for name in names}))
+    np.testing.assert_allclose(small.positions * 1000, run_method("scsvt", take, default).positions, atol=1e-4)
 
 
 def test_file_origin_is_not_indifferent_to_where_the_world_is():
     take = hide(*arm())
     moved = replace(take, positions=take.positions + 3000.0)
-    near, far = (svt.solve(t, svt.Params(origin="file")).positions for t in (take, moved))
+    near, far = (run_method("svt", t, svt.Params(origin="file")).positions for t in (take, moved))
     assert np.abs(far - 3000 - near).max() > 5.0
 
 
@@ -113,14 +114,14 @@ def test_a_take_without_bones_is_refused_with_advice(rng):
     walks = np.cumsum(rng.normal(0, 60, truth.positions.shape), axis=0)
     take = hide(replace(truth, positions=walks, skeleton=None), missing)
     with pytest.raises(SolverError, match=r"scsvt must have bones.*give a skeleton or use svt"):
-        scsvt.solve(take, scsvt.Params())
+        run_method("scsvt", take, scsvt.Params())
 
 
 def test_bones_are_measured_without_a_skeleton_and_hidden_samples_are_not():
     truth, missing = arm()
     take = replace(hide(truth, missing), skeleton=None)
     poisoned = replace(take, positions=np.where(missing[..., None], 1e7, take.positions))
-    one, other = (scsvt.solve(t, scsvt.Params()) for t in (take, poisoned))
+    one, other = (run_method("scsvt", t, scsvt.Params()) for t in (take, poisoned))
     assert one.facts["bones_from"] == "rigid pairs"
     assert one.facts["bones"] >= 3
     assert np.array_equal(one.positions, other.positions)
@@ -130,6 +131,6 @@ def test_bones_are_measured_without_a_skeleton_and_hidden_samples_are_not():
 def test_bones_of_markers_never_trusted_are_left_out():
     truth, missing = arm()
     missing[:, 1] = True
-    solution = scsvt.solve(hide(truth, missing), scsvt.Params())
+    solution = run_method("scsvt", hide(truth, missing), scsvt.Params())
     assert not solution.filled[:, 1].any()
     assert solution.filled[missing[:, 3], 3].all()

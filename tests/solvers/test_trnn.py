@@ -7,8 +7,9 @@ from pydantic import ValidationError
 from mocapclean.numerics.interpolation import linear
 from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
 from mocapclean.numerics.low_rank.splitting import Observation
-from mocapclean.solvers import trnn, tsmc
-from mocapclean.solvers.trnn import Alm, Params, choose, separate
+from mocapclean.solvers import tsmc
+from mocapclean.solvers.running import run_method
+from mocapclean.solvers.trnn import Alm, Params, ranks_of, separate
 from mocapclean.take import Take
 
 
@@ -133,7 +134,7 @@ def test_a_slow_ramp_fills_long_gaps_better_than_the_printed_one(rng):
     gap = ~take.trusted
     error = {}
     for growth in (1.02, 1.4):
-        estimate = trnn.solve(take, Params(rank=5, dimension=5, growth=growth)).positions
+        estimate = run_method("trnn", take, Params(rank=5, dimension=5, growth=growth)).positions
         error[growth] = np.abs((estimate - truth)[gap]).mean()
     straight = np.abs((linear(take.positions, take.trusted) - truth)[gap]).mean()
     assert error[1.02] < 0.1 * straight
@@ -142,11 +143,11 @@ def test_a_slow_ramp_fills_long_gaps_better_than_the_printed_one(rng):
 
 def test_ranks_are_chosen_from_the_spectrum_and_kept_in_range(rng):
     start = 100 * rng.normal(size=(50, 4)) @ rng.normal(size=(4, 12)) + 1e-4 * rng.normal(size=(50, 12))
-    assert choose(start, Params()) == (4, 4)
-    assert choose(start, Params(rank_limit=2)) == (2, 4)
-    assert choose(start, Params(rank=6)) == (6, 6)
-    assert choose(start, Params(rank=99, dimension=1)) == (12, 12)
-    assert choose(0 * start, Params()) == (0, 1)
+    assert ranks_of(start, Params()) == (4, 4)
+    assert ranks_of(start, Params(rank_limit=2)) == (2, 4)
+    assert ranks_of(start, Params(rank=6)) == (6, 6)
+    assert ranks_of(start, Params(rank=99, dimension=1)) == (12, 12)
+    assert ranks_of(0 * start, Params()) == (0, 1)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from mocapclean.numerics.low_rank.shrinkage import top_singular_directions
-from mocapclean.solvers import trnn2
+from mocapclean.solvers.running import run_method
 from mocapclean.solvers.trnn2 import Admm, Params
 from mocapclean.take import Take
 
@@ -191,11 +191,11 @@ def walking_take(rng: np.random.Generator) -> tuple[Take, np.ndarray]:
 
 def test_automatic_rank_is_the_last_wide_gap_of_the_spectrum(rng):
     take, _ = walking_take(rng)
-    rank = trnn2.solve(take, Params()).facts["rank"]
+    rank = run_method("trnn2", take, Params()).facts["rank"]
     assert 5 <= rank <= 15
-    assert trnn2.solve(take, Params(rank_limit=4)).facts["rank"] == 4
-    assert trnn2.solve(take, Params(rank=3)).facts["rank"] == 3
-    assert trnn2.solve(take, Params(rank=999, max_iterations=2)).facts["rank"] == 30
+    assert run_method("trnn2", take, Params(rank_limit=4)).facts["rank"] == 4
+    assert run_method("trnn2", take, Params(rank=3)).facts["rank"] == 3
+    assert run_method("trnn2", take, Params(rank=999, max_iterations=2)).facts["rank"] == 30
 
 
 def test_rank_continuation_escapes_the_interpolated_start(rng):
@@ -203,7 +203,7 @@ def test_rank_continuation_escapes_the_interpolated_start(rng):
     gap = ~take.trusted
     error = {}
     for name, schedule in (("raised", (0, 2, 4)), ("fixed", ())):
-        solution = trnn2.solve(take, Params(rank=5, rank_schedule=schedule))
+        solution = run_method("trnn2", take, Params(rank=5, rank_schedule=schedule))
         error[name] = np.sqrt(np.mean((solution.positions - truth)[gap] ** 2))
     assert error["raised"] < 0.5 * error["fixed"]
 
@@ -213,7 +213,7 @@ def test_turning_the_world_turns_the_answer_without_the_first_difference(rng):
     rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     turned = Take(positions=take.positions @ rotation, trusted=take.trusted, markers=take.markers, rate=take.rate)
     params = Params(rank=5, first_weight=0.0)
-    one, other = (trnn2.solve(t, params).positions for t in (take, turned))
+    one, other = (run_method("trnn2", t, params).positions for t in (take, turned))
     np.testing.assert_allclose(other, one @ rotation, atol=1e-4)
 
 

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
 from mocapclean.numerics.low_rank.splitting import Copies, Observation
 from mocapclean.solvers import tsmc
+from mocapclean.solvers.running import run_method
 from mocapclean.solvers.tsmc import Params
 from mocapclean.take import Take
 
@@ -133,7 +134,7 @@ def spiked_take(rng: np.random.Generator, gap: bool = True) -> tuple[Take, np.nd
 
 def test_outliers_are_told_and_moved_only_when_asked(rng):
     take, truth = spiked_take(rng)
-    plain, asked = (tsmc.solve(take, Params(denoise=d)) for d in (False, True))
+    plain, asked = (run_method("tsmc", take, Params(denoise=d)) for d in (False, True))
     assert plain.moved is None
     assert plain.outliers[30, 2, 1] == pytest.approx(150, abs=15)
     assert not asked.outliers[~take.trusted].any()
@@ -144,8 +145,8 @@ def test_outliers_are_told_and_moved_only_when_asked(rng):
 
 def test_a_complete_take_is_denoised_when_asked(rng):
     take, truth = spiked_take(rng, gap=False)
-    assert tsmc.solve(take, Params()).outliers is None
-    solution = tsmc.solve(take, Params(denoise=True))
+    assert run_method("tsmc", take, Params()).outliers is None
+    solution = run_method("tsmc", take, Params(denoise=True))
     assert not solution.filled.any()
     assert solution.moved[30, 2]
     assert np.abs(solution.positions[30, 2] - truth[30, 2]).max() < 15

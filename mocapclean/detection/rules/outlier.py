@@ -13,11 +13,12 @@ from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, findings
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.running import run_method
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params(Switch):
-    """The numbers of the rule."""
+    """The parameters of the rule."""
 
     enabled: Annotated[bool, Field(description="whether the rule runs")] = False
     method: Annotated[Literal["tsmc", "trnn"], Field(description="whose sparse part counts")] = "tsmc"
@@ -26,9 +27,9 @@ class Params(Switch):
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """The samples (F, M) of which the model takes off more than ``least``."""
-    take, solver = evidence.take, SOLVERS[params.method]
-    noise = solver.solve(take, solver.Params(denoise=True, sparsity=params.sparsity)).outliers
+    """Return the samples (F, M) whose sparse noise in the model is longer than ``least``."""
+    take, method = evidence.take, params.method
+    noise = run_method(method, take, SOLVERS[method].Params(denoise=True, sparsity=params.sparsity)).outliers
     size = np.zeros(take.trusted.shape) if noise is None else np.linalg.norm(noise, axis=2)
     outliers = np.asarray(take.trusted & (size > params.least))
 

@@ -31,11 +31,10 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.parameters import STRICT
-from mocapclean.solvers.fillable import fillable
+from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.kriging.passes import fill_in_passes
 from mocapclean.solvers.kriging.take_state import TakeState
+from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
 REFERENCE = (
@@ -44,35 +43,41 @@ REFERENCE = (
 )
 
 
+TRAITS = Traits(error_bars=True, gap_by_gap=True, auto_place=1, self_checked=True)
+
+
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params:
     """The parameters of the method: how much data a gap is learnt from, and which distances count as rigid."""
 
     rigidity: Annotated[
-        float, Field(gt=0, description="s, mm, SD of a distance below which neighbours count as equally rigid")
+        float,
+        Field(gt=0),
+        About(symbol="s", unit="mm", text="SD of a distance below which neighbours count as equally rigid"),
     ] = 2.0
-    noise: Annotated[float, Field(gt=0, description="e, mm, errors below which windows count as equal")] = 0.03
-    windows: Annotated[int, Field(ge=0, description="w, 1, most windows that a gap is tried on")] = 12
-    learnt: Annotated[int, Field(ge=20, description="n, 1, most frames that a gap is learnt from")] = 300
+    noise: Annotated[
+        float, Field(gt=0), About(symbol="e", unit="mm", text="errors below which windows count as equal")
+    ] = 0.03
+    windows: Annotated[int, Field(ge=0), About(symbol="w", text="most windows that a gap is tried on")] = 12
+    learnt: Annotated[int, Field(ge=20), About(symbol="n", text="most frames that a gap is learnt from")] = 300
     shrinkage: Annotated[
-        float, Field(ge=0, lt=1, description="c, 1, share taken off the covariances of the views' errors")
+        float, Field(ge=0, lt=1), About(symbol="c", text="share taken off the covariances of the predictors' errors")
     ] = 0.3
-    passes: Annotated[int, Field(ge=1, description="p, 1, most passes, where gaps learn from filled samples")] = 4
+    passes: Annotated[int, Field(ge=1), About(symbol="p", text="most passes, where gaps learn from filled samples")] = 4
     bone_spread: Annotated[
-        float, Field(ge=0, description="b, mm, largest SD of a distance that counts as a bone's length")
+        float, Field(ge=0), About(symbol="b", unit="mm", text="largest SD of a distance that counts as a bone's length")
     ] = 0.05
 
 
-def solve(take: Take, params: Params, library: Dictionary | None = None, wanted: Bools | None = None) -> Solution:
+def solve(take: Take, params: Params, fillable: Bools, wanted: Bools) -> Solution:
     """Return a Solution with every gap filled that has known neighbours, gaps at the ends of the take included.
 
     wanted: (F, M) bool, the samples whose gaps need a fill; other gaps are filled only where these learn from them.
     ``sd`` is given for every filled sample.
     """
-    possible = fillable(take.trusted)
     state = TakeState(take, params)
-    passes = fill_in_passes(state, possible, wanted)
-    filled = possible & np.isfinite(state.sd)
+    passes = fill_in_passes(state, fillable, wanted)
+    filled = fillable & np.isfinite(state.sd)
     return Solution(
         positions=np.where(filled[..., None] | take.trusted[..., None], state.positions, 0.0),
         filled=filled,

@@ -34,14 +34,14 @@ class PassOutcome(NamedTuple):
     split: list[GapSpan]
 
 
-def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools | None) -> int:
+def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
     """Fill the gaps of a take, and return the number of passes.
 
-    fillable: (F, M) samples that may be filled. wanted: (F, M) samples whose gaps need a fill; all if None. Other gaps
+    fillable: (F, M) samples that may be filled. wanted: (F, M) samples whose gaps need a fill. Other gaps
     are filled only where the wanted ones learn from them.
     """
     gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known)]
-    wanted_gaps = [gap for gap in gaps if wanted is None or wanted[gap.start : gap.stop, gap.marker].any()]
+    wanted_gaps = [gap for gap in gaps if wanted[gap.start : gap.stop, gap.marker].any()]
     passes, incomplete, to_fill = 0, False, wanted_gaps
     while to_fill and passes < state.params.passes:
         before = state.positions

@@ -1,35 +1,37 @@
-"""Gaussian kernels: likelihoods and regressions from samples."""
+"""Likelihoods and regressions from samples, by Gaussian kernels."""
 
 import numpy as np
 
 from mocapclean.arrays import Floats
 
-_NORMAL = 0.6745  # of a standard deviation: the median distance from the median
-_NARROW = 1e-6
+_DEVIATION_OF_NORMAL = 0.6745  # the median absolute deviation of a normal distribution, in standard deviations
+_LEAST_BANDWIDTH = 1e-6  # in sizes of the samples; no sweep was kept
 
 
 def likelihood(samples: Floats, values: Floats) -> Floats:
-    """The density (n,) at values (n,) of samples (N,) by a Gaussian kernel, as a part of the kernel's own peak.
+    """Return the density (n,) at values (n,) of samples (N,) by a Gaussian kernel, as a share of the kernel's peak.
 
-    The bandwidth is Silverman's for a normal density, s (4 / 3N)^(1/5), with s from the median distance from the
-    median, which a few wild samples do not move; at least a millionth of the samples' size. B. W. Silverman, 1986,
+    The bandwidth is Silverman's for a normal density, s (4 / 3N)^(1/5). s comes from the median absolute deviation,
+    which a few outliers do not move. The bandwidth is at least a millionth of the samples' size. B. W. Silverman, 1986,
     Density estimation, eq. 3.28.
     """
-    middle = np.median(samples)
-    spread = np.median(np.abs(samples - middle)) / _NORMAL or np.ptp(samples)
-    width = max(spread * (4.0 / (3.0 * len(samples))) ** 0.2, _NARROW * float(np.abs(samples).max())) or 1.0
-    found: Floats = np.exp(-0.5 * np.square((values[:, None] - samples) / width)).mean(axis=1)
-    return found
+    median = np.median(samples)
+    deviation = np.median(np.abs(samples - median)) / _DEVIATION_OF_NORMAL or np.ptp(samples)
+    silverman = deviation * (4.0 / (3.0 * len(samples))) ** 0.2
+    bandwidth = max(silverman, _LEAST_BANDWIDTH * float(np.abs(samples).max())) or 1.0
+    density: Floats = np.exp(-0.5 * np.square((values[:, None] - samples) / bandwidth)).mean(axis=1)
+    return density
 
 
 def kernel_regression(features: Floats, values: Floats, queries: Floats, spread: float) -> Floats:
-    """Means (n, d) of values (N, d), weighted by how near their features (N, k) are to the queries (n, k).
+    """Return means (n, d) of values (N, d), weighted by the nearness of their features (N, k) to the queries (n, k).
 
-    A weight falls to one half at a distance of ``spread``. Far from all features the nearest one counts alone.
+    A weight falls to one half at a distance of ``spread``. Far from all features the nearest one has all the weight.
     D. F. Specht, 1991, A general regression neural network, doi:10.1109/72.97934.
     """
     squares = np.square(queries[:, None] - features).sum(axis=-1)
+    # The nearest features keep a weight of 1, so that no sum of weights underflows.
     squares -= squares.min(axis=1, keepdims=True)
     weights = np.exp(-np.log(2.0) / spread**2 * squares)
-    found: Floats = weights @ values / weights.sum(axis=1, keepdims=True)
-    return found
+    means: Floats = weights @ values / weights.sum(axis=1, keepdims=True)
+    return means

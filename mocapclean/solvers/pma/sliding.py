@@ -1,4 +1,4 @@
-"""Sliding windows that stay symmetric to the end."""
+"""Sliding medians and means over windows that shrink at the ends and stay symmetric."""
 
 from collections.abc import Callable
 
@@ -9,20 +9,21 @@ from mocapclean.arrays import Floats
 
 
 def median_mean(values: Floats, width: int) -> Floats:
-    """The sliding median of values (n, d), then its sliding mean, over windows of ``width`` frames, made odd.
+    """Return the sliding median of values (n, d), then its sliding mean, over windows of ``width`` frames, made odd.
 
-    Near the ends the windows shrink and stay symmetric, so nothing is delayed; the two end frames on each side, whose
+    Near the ends the windows shrink and stay symmetric, so nothing is delayed. The two end frames on each side, whose
     windows would hold three frames at most, keep their values.
     """
     return _slide(_slide(values, width, np.median), width, np.mean)
 
 
-def _slide(values: Floats, width: int, of: Callable[..., Floats]) -> Floats:
+def _slide(values: Floats, width: int, statistic: Callable[..., Floats]) -> Floats:
+    """Return a statistic of values (n, d) over sliding windows."""
     half, n = width // 2, len(values)
-    found = values.copy()
+    smoothed = values.copy()
     if n > 2 * half > 0:
-        found[half : n - half] = of(sliding_window_view(values, 2 * half + 1, axis=0), axis=-1)
+        smoothed[half : n - half] = statistic(sliding_window_view(values, 2 * half + 1, axis=0), axis=-1)
     for k in range(2, min(half, (n + 1) // 2)):
-        found[k] = of(values[: 2 * k + 1], axis=0)
-        found[n - 1 - k] = of(values[n - 1 - 2 * k :], axis=0)
-    return found
+        smoothed[k] = statistic(values[: 2 * k + 1], axis=0)
+        smoothed[n - 1 - k] = statistic(values[n - 1 - 2 * k :], axis=0)
+    return smoothed

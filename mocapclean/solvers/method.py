@@ -1,0 +1,59 @@
+"""The declaration of a gap-filling method in its module, and the type of such a module."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+from mocapclean.geometry.skeleton import Bone
+from mocapclean.take import Solution
+
+
+@dataclass(frozen=True, kw_only=True)
+class Traits:
+    """The needs and the results of a method; the defaults are those of most methods."""
+
+    error_bars: bool = False
+    """Whether the Solution has ``sd`` with the default parameters."""
+
+    extrapolates: bool = True
+    """Whether it fills gaps at the first and last frame of a take; else only gaps between two trusted samples."""
+
+    gap_by_gap: bool = False
+    """Whether it takes ``wanted`` and may leave the gaps without a wanted sample."""
+
+    needs_dictionary: bool = False
+    """Whether it takes the dictionary that ``mocapclean train`` makes."""
+
+    needs_bones: str = ""
+    """The error where no bone length is known, ``{n_markers}`` in it; empty for a method that takes no bones."""
+
+    cleans_complete_takes: bool = False
+    """Whether, with its parameter ``denoise``, it also corrects a take in which nothing is missing."""
+
+    auto_place: int | None = None
+    """Its place, from 1, among the candidates of method auto; None for a method too slow to be one by default."""
+
+    self_checked: bool = False
+    """Whether ``self_check: auto`` measures its error on hidden samples."""
+
+
+class KnownBones(NamedTuple):
+    """The bones of a take whose lengths are known, and their source: "skeleton" or "rigid pairs"."""
+
+    source: str
+    bones: tuple[Bone, ...]
+
+
+class Method(Protocol):
+    """The module of a method; the docstring of the package lists the arguments of ``solve``."""
+
+    __doc__: str | None
+    REFERENCE: str
+    TRAITS: Traits
+    Params: type[Any]
+    solve: Callable[..., Solution]
+
+
+def limit_reached(params: Any, limit: str, state: str = "") -> str:
+    """Return why an iteration stopped early: the parameter that limits it, and the state that it had come to."""
+    return f"{limit} {getattr(params, limit)} reached" + (f"; {state}" if state else "")
