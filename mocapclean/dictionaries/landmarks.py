@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
-from mocapclean.geometry.alignment import register
+from mocapclean.geometry.alignment import carry_points
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.numerics import interpolation
 
@@ -61,7 +61,7 @@ def place_landmarks(positions: Floats, trusted: Bools, groups: Sequence[Ints], t
             weights: Floats = known[:, torso] * rigidity(model[:, torso], model[:, mark])
             lost = ~known[:, mark] & (np.count_nonzero(weights, axis=1) >= 3)
             (place,) = np.flatnonzero(torso == mark)
-            filled[lost, mark] = register(shape[lost], filled[lost][:, torso], weights[lost], shape[lost, place])
+            filled[lost, mark] = carry_points(shape[lost], filled[lost][:, torso], weights[lost], shape[lost, place])
     return _means(filled, groups)
 
 

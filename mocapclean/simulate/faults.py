@@ -10,7 +10,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
-from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import rigidity
 from mocapclean.numerics import interpolation
 from mocapclean.simulate.bounds import within
@@ -203,7 +203,7 @@ def _segment(scene: _Scene, marker: int) -> Floats:
     if len(partners) < 3:
         return np.broadcast_to(np.eye(3), (len(filled), 3, 3))
     seen = np.moveaxis(filled[:, partners], 2, 0)[:, None]
-    turn, _ = lay(seen[:, :, len(filled) // 2], seen, weights[None])
+    turn, _ = align_shapes(seen[:, :, len(filled) // 2], seen, weights[None])
     return np.moveaxis(turn[:, :, 0], 2, 0)
 
 

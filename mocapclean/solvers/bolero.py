@@ -36,7 +36,7 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Floats
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
-from mocapclean.geometry.bone_projection import held, project
+from mocapclean.geometry.bone_projection import project_to_bone_lengths, tied_points
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.parameters import STRICT
@@ -87,7 +87,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     columns = dynammo.Columns(take, params.frame)
     learner = BoneLearner(columns, params, take, bones)
     learner.learn()
-    states = columns.positions(learner.system.emit(learner.smoothed.means))
+    states = columns.positions(learner.system.expected_values(learner.smoothed.means))
     return Solution(
         positions=np.where(take.trusted[..., None], states, columns.positions(learner.guess)),
         filled=wanted,
@@ -121,7 +121,7 @@ class BoneLearner(dynammo.Learner):
         self.lengths = np.array([bone.length for bone in used]) / columns.spread
         self.variances = np.square([bone.spread for bone in used]) / columns.spread**2
         missing = ~columns.seen & columns.seen.any(axis=1, keepdims=True)
-        self.tied = held(missing, self.ends, columns.seen)
+        self.tied = tied_points(missing, self.ends, columns.seen)
         self.residual, self.bound = 0.0, False
 
     def learn(self) -> None:
@@ -149,11 +149,11 @@ class BoneLearner(dynammo.Learner):
             return guess
         weights = self._hold() if self.params.constraint == "hard" else self.params.bone_weight
         points = guess.reshape(len(guess), -1, 3)
-        points, errors = project(points, self.tied, self.columns.seen, self.ends, self.lengths, weights)
+        points, errors = project_to_bone_lengths(points, self.tied, self.columns.seen, self.ends, self.lengths, weights)
         self.residual = float(errors.max())
         return points.reshape(guess.shape)
 
     def _hold(self) -> Floats:
         """The weights (E,) of bones that hold as well as they are known: infinite where the length has no spread."""
         endless = np.full_like(self.variances, np.inf)
-        return np.divide(self.system.noise, self.variances, out=endless, where=self.variances > 0)
+        return np.divide(self.system.noise_variance, self.variances, out=endless, where=self.variances > 0)

@@ -32,10 +32,15 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Bools, Floats
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
+from mocapclean.geometry.alignment import mean_shape_frames
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.geometry.shape_frames import shape_frames
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expect, maximise, principal_system
+from mocapclean.numerics.state_space.linear_dynamics import (
+    LinearSystem,
+    expectation_step,
+    maximisation_step,
+    system_of_principal_components,
+)
 from mocapclean.numerics.state_space.smoother import Masks, Smoothed
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import fillable
@@ -90,14 +95,17 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     learner = Learner(columns, params)
     learner.learn()
     return Solution(
-        positions=columns.positions(learner.system.emit(learner.smoothed.means)),
+        positions=columns.positions(learner.system.expected_values(learner.smoothed.means)),
         filled=wanted,
         sd=learner.deviation() if params.em == "exact" else None,
         converged=learner.converged,
         iterations=learner.iterations,
         reason=learner.reason,
         trace=tuple(learner.trace),
-        facts={"states": len(learner.system.dynamics.start), "noise_mm": columns.spread * learner.system.noise**0.5},
+        facts={
+            "states": len(learner.system.dynamics.start),
+            "noise_mm": columns.spread * learner.system.noise_variance**0.5,
+        },
     )
 
 
@@ -113,7 +121,7 @@ class Columns:
         known = np.where(self.seen[..., None], positions, 0.0)
         middle = known[self.seen].mean(axis=0)
         still = BodyFrames(np.tile(np.eye(3), (len(known), 1, 1)), np.tile(middle, (len(known), 1)))
-        self.frames = shape_frames(positions, self.seen) if frame == "body" else still
+        self.frames = mean_shape_frames(positions, self.seen) if frame == "body" else still
         local = interpolation.linear(self.frames.to_local(known), self.seen)
         self.spread = float(np.sqrt(np.square(local[self.seen]).mean())) or 1.0
         self.start = (local / self.spread).reshape(len(local), -1)
@@ -153,7 +161,7 @@ class Learner:
     def restart(self, n_states: int) -> None:
         """Take the principal components of the guess as the states."""
         if self.iterations < self.limit:
-            self.system = principal_system(self.guess, n_states, LEAST)
+            self.system = system_of_principal_components(self.guess, n_states, LEAST)
 
     def iterate(self, n_iterations: int, tolerance: float = 0.0) -> None:
         """At most so many iterations; fewer when the likelihood rises by less than the tolerance."""
@@ -171,13 +179,13 @@ class Learner:
         """One E-step and one M-step; the log-likelihood per counted coordinate that the former found."""
         plus, full = self.params.em == "plus", self.params.process == "full"
         masks = self.trusted if plus else self.counted
-        self.smoothed, likelihood = expect(self.system, self._data(masks), masks, predict=plus)
+        self.smoothed, likelihood = expectation_step(self.system, self._data(masks), masks, predict=plus)
         if plus:
             self.guess = self.impute()
             if not np.abs(self.guess).max() <= FURTHEST:
                 raise SolverError("dynammo with em plus has diverged on this take; use em exact.")
         data = self._data(self.counted)
-        self.system = maximise(self.system, self.smoothed, data, self.counted, full=full, least=LEAST)
+        self.system = maximisation_step(self.system, self.smoothed, data, self.counted, full=full, least=LEAST)
         self.guess = self.impute()
         return likelihood / (3 * np.count_nonzero(masks.seen))
 
@@ -187,13 +195,13 @@ class Learner:
     def impute(self) -> Floats:
         """The trusted values, and the expected ones elsewhere."""
         known = np.repeat(self.columns.seen, 3, axis=1)
-        return np.where(known, self.columns.start, self.system.emit(self.smoothed.means))
+        return np.where(known, self.columns.start, self.system.expected_values(self.smoothed.means))
 
     def deviation(self) -> Floats:
         """The expected error (F, M) per coordinate, millimetres; 0 for markers that are trusted nowhere."""
         columns = self.columns
         deviation = np.zeros((len(columns.seen), len(columns.used)))
-        variance = self.system.variance(self.smoothed, columns.seen.shape[1])
+        variance = self.system.value_variance(self.smoothed, columns.seen.shape[1])
         deviation[:, columns.used] = columns.spread * np.sqrt(variance)
         return deviation
 

@@ -38,8 +38,8 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
-from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.robust_pca import robust_pca
 from mocapclean.numerics.low_rank.shrinkage import singular_values
 from mocapclean.parameters import STRICT
@@ -97,7 +97,7 @@ def separate(take: Take, params: Params, ranks: Sequence[int], stage_iterations:
     Mode completion passes through the others on the way, each for at most ``stage_iterations``.
     """
     wanted = fillable(take.trusted)
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
     if params.mode == "robust":
@@ -113,7 +113,7 @@ def _complete(
     share = float(data.known.mean())
     tolerance = 2e-4 if params.tolerance == "auto" else params.tolerance
     fixed = params.schedule == "fixed"
-    completion = Completion(
+    completion = NuclearNormCompletion(
         values,
         data.known,
         penalty=(params.penalty if fixed else 0.3) / largest,

@@ -33,9 +33,9 @@ from mocapclean.arrays import Bools, Floats, runs
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.state_space.linear_dynamics import LinearSystem
-from mocapclean.numerics.state_space.smoother import Dynamics, Masks, backward, forward, observe
+from mocapclean.numerics.state_space.smoother import Dynamics, Masks, kalman_filter, measure, rts_smoother
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import fillable
 from mocapclean.take import Solution, Take
@@ -70,7 +70,7 @@ class Params:
 def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill every marker and frame that has some evidence, edges included; sd is in millimetres."""
     wanted = fillable(take.trusted)
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
     masks = Masks(take.trusted[:, data.used])
@@ -129,7 +129,7 @@ class Model:
                 start_covariance=(_WIDE * spread) ** 2 * identity,
             ),
             loadings=loadings,
-            noise=params.noise**2,
+            noise_variance=params.noise**2,
         )
         missed = np.square(offsets - offsets @ loadings @ loadings.T).mean(axis=0)
         self.missed = missed.reshape(-1, 3).mean(axis=1)
@@ -137,11 +137,12 @@ class Model:
     def smooth(self, values: Floats, masks: Masks) -> tuple[Floats, Floats]:
         """The expected values (T, n), and the variance (T, n / 3) of a coordinate."""
         seen = np.repeat(masks.seen, 3, axis=1)
-        evidence = observe(self.system.loadings, self.system.noise, np.where(seen, values - self.mean, 0.0), masks)
+        centred = np.where(seen, values - self.mean, 0.0)
+        measurements = measure(self.system.loadings, self.system.noise_variance, centred, masks)
         dynamics = self.system.dynamics
-        smoothed = backward(dynamics, forward(dynamics, evidence))
-        variance = self.system.variance(smoothed, len(self.missed)) + self.missed
-        return self.mean + self.system.emit(smoothed.means), variance
+        smoothed = rts_smoother(dynamics, kalman_filter(dynamics, measurements))
+        variance = self.system.value_variance(smoothed, len(self.missed)) + self.missed
+        return self.mean + self.system.expected_values(smoothed.means), variance
 
 
 def _process(steps: Floats, loadings: Floats, params: Params) -> Floats:

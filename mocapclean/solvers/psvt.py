@@ -24,7 +24,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import ialm
 from mocapclean.take import Solution, Take
@@ -65,6 +65,6 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     """Fill every marker and frame that has some evidence; trace and outliers are those of ``ialm``."""
     rank = params.rank
     if rank == "auto":
-        rank = centred(take.positions, take.trusted).gap_rank(params.rank_gap, params.rank_limit)
+        rank = centred_matrix(take.positions, take.trusted).gap_rank(params.rank_gap, params.rank_limit)
     ranks = [*(r for r in params.rank_schedule if r < rank), rank]
     return ialm.separate(take, params, ranks, params.stage_iterations)

@@ -38,8 +38,9 @@ from mocapclean.arrays import Bools
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import SolverError
 from mocapclean.geometry.skeleton import Bone
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import svt
 from mocapclean.solvers.fillable import fillable
@@ -69,7 +70,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     Raises SolverError for a take without bones.
     """
     wanted = fillable(take.trusted)
-    data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
+    data = centred_matrix(take.positions, take.trusted, about_mean=params.origin == "mean")
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
     source, bones = bones_of(take)
@@ -98,7 +99,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     )
 
 
-def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> Edges:
+def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> DistanceBounds:
     """The bones, frame by frame, that have an untrusted end and both ends among the markers trusted somewhere."""
     used = np.flatnonzero(trusted.any(axis=0))
     column = {markers[marker]: k for k, marker in enumerate(used)}
@@ -109,7 +110,7 @@ def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bool
     frames, loose = np.nonzero(~(known[:, start] & known[:, end]))
     samples = frames * known.shape[1]
     lengths = np.array([bone.length for bone in kept])
-    return Edges(samples + start[loose], samples + end[loose], lengths[loose], known.size)
+    return DistanceBounds(samples + start[loose], samples + end[loose], lengths[loose], known.size)
 
 
 def _reason(found: Iterate, params: Params) -> str:

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mocapclean.arrays import Floats
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
 from mocapclean.solvers.fillable import fillable
 from mocapclean.take import Solution, Take
 
@@ -20,7 +20,7 @@ class NoisyTake:
     def __init__(self, take: Take, unit: float) -> None:
         self.take, self.unit = take, unit
         self.wanted = fillable(take.trusted)
-        self.data = centred(take.positions, take.trusted)
+        self.data = centred_matrix(take.positions, take.trusted)
         self.start: Floats = self.data.interpolated / unit
 
     def is_idle(self, denoise: bool) -> bool:
@@ -31,9 +31,9 @@ class NoisyTake:
         """The answer where there is nothing to do."""
         return Solution(positions=self.data.positions(self.data.values), filled=self.wanted, reason="nothing to fill")
 
-    def observe(self, sparsity: float, smoothness: float, order: int = 2) -> Observation:
+    def observe(self, sparsity: float, smoothness: float, order: int = 2) -> SmoothSparseModel:
         """The terms of the model beside its rank; ``sparsity`` is λ √max(F, 3M)."""
-        return Observation(
+        return SmoothSparseModel(
             data=np.asfortranarray(self.data.values / self.unit),
             known=np.asfortranarray(self.data.known),
             sparsity=sparsity / max(self.start.shape) ** 0.5,
@@ -44,7 +44,7 @@ class NoisyTake:
     def solution(
         self,
         low: Floats,
-        copies: Copies,
+        copies: SplitCopies,
         *,
         denoise: bool,
         converged: bool,
@@ -55,7 +55,7 @@ class NoisyTake:
         """The answer from X = ``low`` and its copies: X where untrusted, D − S where trusted."""
         trusted = self.take.trusted
         outliers = np.zeros(self.take.positions.shape)
-        noise = copies.observation.outliers(copies.clean) * self.unit
+        noise = copies.model.outliers(copies.clean) * self.unit
         outliers[:, self.data.used] = noise.reshape(len(noise), -1, 3)
         kept = np.where(trusted[..., None], self.take.positions, 0.0) - outliers
         estimate = self.data.positions(low * self.unit)

@@ -33,9 +33,10 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.low_rank.bounded_completion import complete
-from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
-from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate, ascend, no_edges
+from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
+from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds, no_bounds
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate, threshold_by_dual_ascent
+from mocapclean.numerics.low_rank.thresholding_by_splitting import threshold_by_splitting
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import fillable
 from mocapclean.take import Solution, Take
@@ -71,10 +72,10 @@ class Params:
 def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill every marker and frame that has some evidence; the trace is the residual in mm."""
     wanted = fillable(take.trusted)
-    data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
+    data = centred_matrix(take.positions, take.trusted, about_mean=params.origin == "mean")
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
-    found = minimise(data, no_edges(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
+    found = minimise(data, no_bounds(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
     end = "the residual is" if found.converged else f"max_iterations {params.max_iterations} reached; residual"
     return Solution(
         positions=data.positions(found.matrix),
@@ -86,11 +87,13 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     )
 
 
-def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, excess_tolerance: float) -> Iterate:
+def minimise(
+    data: CentredMatrix, edges: DistanceBounds, params: Params, *, step: float, excess_tolerance: float
+) -> Iterate:
     """The matrix that bounds on ``edges`` allow; ``step`` and kick-start are those of the printed ascent."""
     threshold = params.threshold * data.values.size**0.5
     if params.iteration == "paper":
-        return ascend(
+        return threshold_by_dual_ascent(
             data.values,
             data.known,
             edges,
@@ -100,7 +103,7 @@ def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, 
             excess_tolerance=excess_tolerance,
             max_iterations=params.max_iterations,
         )
-    return complete(
+    return threshold_by_splitting(
         data.values,
         data.known,
         edges,

@@ -32,8 +32,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.fillable import fillable
@@ -81,12 +81,14 @@ class Params:
 def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solution:
     """Fill every marker and frame that has some evidence; the trace is ‖X‖_r of the answer after every outer step."""
     wanted = fillable(take.trusted)
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     if not wanted.any():
         return Solution(positions=data.positions(data.values), filled=wanted, reason="nothing to fill")
     values = data.values / data.spread
     largest = float(singular_values(values).max(initial=0.0)) or 1.0
-    completion = Completion(values, data.known, penalty=params.penalty / largest, relaxation=params.relaxation)
+    completion = NuclearNormCompletion(
+        values, data.known, penalty=params.penalty / largest, relaxation=params.relaxation
+    )
     rank = data.gap_rank(params.rank_gap, params.rank_limit) if params.rank == "auto" else params.rank
     rank = min(rank, *values.shape)
     converged, trace = _raise_rank(completion, rank, params)
@@ -101,7 +103,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     )
 
 
-def _raise_rank(completion: Completion, rank: int, params: Params) -> tuple[bool, list[float]]:
+def _raise_rank(completion: NuclearNormCompletion, rank: int, params: Params) -> tuple[bool, list[float]]:
     """Raise the rank through the schedule; whether the last stage converged, and the objectives."""
     trace: list[float] = []
     for stage in [*(r for r in params.rank_schedule if r < rank), rank]:
@@ -115,7 +117,7 @@ def _raise_rank(completion: Completion, rank: int, params: Params) -> tuple[bool
     return converged, trace
 
 
-def _step(completion: Completion, rank: int, most: int, params: Params) -> bool:
+def _step(completion: NuclearNormCompletion, rank: int, most: int, params: Params) -> bool:
     """One outer step; whether its inner loop converged and it hardly changed the matrix."""
     before = completion.filled.copy()
     settled = completion.run(
@@ -128,7 +130,7 @@ def _step(completion: Completion, rank: int, most: int, params: Params) -> bool:
     return settled and (rank == 0 or change <= params.outer_tolerance * float(np.linalg.norm(before)))
 
 
-def _reason(converged: bool, completion: Completion, params: Params) -> str:
+def _reason(converged: bool, completion: NuclearNormCompletion, params: Params) -> str:
     if converged:
         return f"inner and outer changes are within {params.tolerance:g} and {params.outer_tolerance:g}"
     if len(completion.trace) == params.max_iterations:

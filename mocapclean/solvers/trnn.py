@@ -45,7 +45,7 @@ from mocapclean.numerics.low_rank.shrinkage import (
     spectral_gap_rank,
     top_singular_directions,
 )
-from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.sparse_noise import NoisyTake
 from mocapclean.take import Solution, Take
@@ -134,7 +134,7 @@ def separate(
     """
     everything = np.ones(matrix.shape, dtype=bool, order="F")
     weight = 1.0 / max(matrix.shape) ** 0.5
-    observation = Observation(data=np.asfortranarray(matrix), known=everything, sparsity=weight, smoothness=0.0)
+    observation = SmoothSparseModel(data=np.asfortranarray(matrix), known=everything, sparsity=weight, smoothness=0.0)
     penalty = 1.25 / (float(np.linalg.norm(matrix, 2)) or 1.0)
     params = Params(penalty=penalty, growth=growth, tolerance=tolerance, max_iterations=max_iterations)
     alm = Alm(matrix, observation, rank, rank, params)
@@ -148,7 +148,9 @@ class Alm:
     penalty: η of the next iteration. tangent: T (F, n). left: L (n, d), kept where the factors move in turn only.
     """
 
-    def __init__(self, start: Floats, observation: Observation, rank: int, dimension: int, params: Params) -> None:
+    def __init__(
+        self, start: Floats, observation: SmoothSparseModel, rank: int, dimension: int, params: Params
+    ) -> None:
         self.rank, self.dimension, self.params = rank, dimension, params
         self.trace: list[float] = []
         self.penalty = params.penalty
@@ -160,7 +162,7 @@ class Alm:
         self.tangent = top_singular_directions(self.low, rank)
         self.n_copies = 2 if observation.smoothness else 1
         self._move_low(self.low)
-        self.copies = Copies(self.low, observation)
+        self.copies = SplitCopies(self.low, observation)
 
     def run(self) -> bool:
         """The ramp, and the fixed penalty after it if asked for; whether X came to agree with its copies."""
@@ -172,9 +174,9 @@ class Alm:
 
     def _iterate(self, growth: float, tolerance: float, limit: float) -> bool:
         while len(self.trace) < self.params.max_iterations:
-            self._move_low(self.copies.settle(self.penalty))
+            self._move_low(self.copies.update(self.penalty))
             following = min(growth * self.penalty, limit)
-            self.copies.state, gap = self.copies.image(self.low, following / self.penalty)
+            self.copies.state, gap = self.copies.next_state(self.low, following / self.penalty)
             self.penalty = following
             self.trace.append(gap)
             if gap <= tolerance:

@@ -34,9 +34,9 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Floats
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.low_rank.extrapolation import Anderson
+from mocapclean.numerics.low_rank.anderson_acceleration import AndersonAcceleration
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
-from mocapclean.numerics.low_rank.splitting import Copies
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SplitCopies
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.sparse_noise import NoisyTake
 from mocapclean.take import Solution, Take
@@ -72,7 +72,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     problem = NoisyTake(take, params.unit)
     if problem.is_idle(params.denoise):
         return problem.unchanged()
-    copies = Copies(problem.start, problem.observe(params.sparsity, params.smoothness, params.order))
+    copies = SplitCopies(problem.start, problem.observe(params.sparsity, params.smoothness, params.order))
     low, trace = minimise(copies, params)
     converged = trace[-1] <= params.tolerance
     reached = "" if converged else f"max_iterations {params.max_iterations} reached; "
@@ -86,18 +86,18 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     )
 
 
-def minimise(copies: Copies, params: Params) -> tuple[Floats, list[float]]:
+def minimise(copies: SplitCopies, params: Params) -> tuple[Floats, list[float]]:
     """Iterate until X (F, n) agrees with its copies; X and the distances."""
-    memory = Anderson(params.memory, copies.state.size)
+    memory = AndersonAcceleration(params.memory, copies.state.size)
     threshold = 1.0 / (copies.n_copies * params.penalty)
     low = np.empty(copies.shape, order="F")
     trace: list[float] = []
     while len(trace) < params.max_iterations:
-        target = copies.settle(params.penalty)
+        target = copies.update(params.penalty)
         shrink_singular_values(target, threshold, out=low)
-        image, gap = copies.image(low)
+        image, gap = copies.next_state(low)
         trace.append(gap)
         if gap <= params.tolerance:
             break
-        copies.state = memory.next(copies.state, image)
+        copies.state = memory.next_state(copies.state, image)
     return low, trace

@@ -10,7 +10,7 @@ that brings what it carries nearest to the targets.
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, runs
-from mocapclean.geometry.alignment import rotations_by_svd
+from mocapclean.geometry.rotations import fit_rotations_by_svd
 from mocapclean.geometry.skeleton import Skeleton, move, turn
 
 LEAP = 90.0  # degrees from one frame to the next that ask for another way to write a rotation
@@ -235,7 +235,7 @@ def _swing(arms: Floats, lines: Floats) -> Floats:
     moment = _transposed(lines) @ arms
     size = np.linalg.norm(moment, axis=(1, 2))
     moment += (1e-6 * size + 1e-9)[:, None, None] * np.eye(3)
-    return rotations_by_svd(moment)
+    return fit_rotations_by_svd(moment)
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

@@ -36,7 +36,7 @@ from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.geometry.alignment import segment_frames
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.geometry.bone_projection import project
+from mocapclean.geometry.bone_projection import project_to_bone_lengths
 from mocapclean.geometry.distances import distances_of_each
 from mocapclean.numerics import interpolation
 from mocapclean.parameters import STRICT
@@ -213,7 +213,7 @@ class Scene:
         usual = float(np.median(sd[filled])) ** 2
         precision = usual / np.where(filled, np.maximum(sd, 1e-3 * np.sqrt(usual)), 1.0) ** 2
         weights = usual / np.maximum(self.spreads, 1e-6 * np.sqrt(usual)) ** 2
-        return project(positions, filled, self.trusted, self.ends, self.lengths, weights, precision)[0]
+        return project_to_bone_lengths(positions, filled, self.trusted, self.ends, self.lengths, weights, precision)[0]
 
     def rigidity(self, marker: int, looseness: float = 1.0) -> Floats:
         """The weight (M,) of every marker in the frame of one; 0 for itself and those never seen with it."""
