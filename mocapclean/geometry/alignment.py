@@ -57,7 +57,8 @@ def _alignments(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
 def align_shapes(shape: Floats, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:
     """Return the rotations (3, 3, b, F) and centroids (3, b, F) that align shapes (3, b, K) with positions.
 
-    positions: (3, b, F, K). weights: (b, K), those of the least squares. The centroids are the weighted means of the positions.
+    positions: (3, b, F, K). weights: (b, K), those of the least squares. The centroids are the weighted means of the
+    positions.
     """
     share = weights / weights.sum(axis=1, keepdims=True)
     model = share * (shape - (share * shape).sum(axis=2, keepdims=True))

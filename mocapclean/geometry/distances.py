@@ -14,9 +14,7 @@ _MAD_TO_SD = 1.4826  # the SD of a normal distribution over its median absolute 
 _FEWEST_SHARED = 10  # frames in which both markers must be trusted for their distance to count; chosen by hand
 _FEWEST_SHARED_PART = 0.25  # the same as a part of the frames, where these are fewer than 40; chosen by hand
 
-_SD_SCALE = (
-    10.0  # mm, SD of a distance below which partners count as equally rigid; chosen on the takes of `bench trust`
-)
+_SD_SCALE = 10.0  # mm, SD of a distance below which partners count as equally rigid; chosen on takes of `bench trust`
 _DISTANCE_SCALE = 50.0  # mm, distance below which partners count as equally near; chosen on the same takes
 PARTNERS = 10  # most partners of a marker; chosen on the same takes
 

@@ -24,9 +24,9 @@ def linear(positions: Floats, trusted: Bools) -> Floats:
 def monotone(positions: Floats, trusted: Bools) -> Floats:
     """Return positions (F, M, 3) with untrusted samples on monotone piecewise cubics through trusted (F, M) samples.
 
-    The cubics are those of PCHIP. Samples before the first and after the last trusted one become 0, and so do markers with fewer than two trusted
-    samples. Untrusted samples are not read. F. N. Fritsch, R. E. Carlson, 1980, doi:10.1137/0717021; the slopes are
-    those of F. N. Fritsch, J. Butland, 1984, doi:10.1137/0905021.
+    The cubics are those of PCHIP: F. N. Fritsch, R. E. Carlson, 1980, doi:10.1137/0717021; their slopes those of
+    F. N. Fritsch, J. Butland, 1984, doi:10.1137/0905021. Samples before the first and after the last trusted one
+    become 0, and so do markers with fewer than two trusted samples. Untrusted samples are not read.
     """
     filled = np.where(trusted[..., None], positions, 0.0)
     frames = np.arange(len(filled))

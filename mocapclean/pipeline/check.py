@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from time import perf_counter
 
@@ -18,7 +17,7 @@ from mocapclean.pipeline.outcome import Breach, Verdict
 from mocapclean.pipeline.repair import examine
 from mocapclean.pipeline.summary import account
 from mocapclean.take import Take
-from mocapclean.take.bones import subject_of
+from mocapclean.take.names import matching_columns
 
 
 @dataclass(frozen=True)
@@ -126,7 +125,7 @@ def _of_take(play: Take, measures: dict[str, float], bone: str, limits: Limits) 
 
 def _of_markers(play: Take, missing: Bools, pattern: str, limits: MarkerLimits) -> Iterator[Breach]:
     """The limits on the markers of a name."""
-    columns = _columns(play, pattern)
+    columns = matching_columns(pattern, play.markers)
     if not columns:
         message = f"no marker is called {pattern}, which has limits of its own"
         yield Breach(limit="markers", marker=pattern, message=message, advice="correct the name in check.markers")
@@ -150,7 +149,12 @@ def _of_markers(play: Take, missing: Bools, pattern: str, limits: MarkerLimits) 
 
 def _others(play: Take, limits: Limits) -> list[int]:
     """The markers that have no longest gap of their own."""
-    own = {c for name, one in limits.markers.items() if one.longest_gap is not None for c in _columns(play, name)}
+    own = {
+        c
+        for name, one in limits.markers.items()
+        if one.longest_gap is not None
+        for c in matching_columns(name, play.markers)
+    }
     return [column for column in range(len(play.markers)) if column not in own]
 
 
@@ -172,7 +176,7 @@ def _gaps(play: Take, missing: Bools, columns: list[int], limit: int | None) -> 
 
 def _required(play: Take, limits: Limits) -> Iterator[Breach]:
     for pattern in limits.required:
-        columns = _columns(play, pattern)
+        columns = matching_columns(pattern, play.markers)
         seen = [column for column in columns if play.trusted[:, column].any()]
         if not columns or len(seen) < len(columns):
             names = [play.markers[column] for column in columns if column not in seen] or [pattern]
@@ -183,14 +187,6 @@ def _required(play: Take, limits: Limits) -> Iterator[Breach]:
                 message=f"{', '.join(names)}: {what}",
                 advice="label it, or take it off check.required",
             )
-
-
-def _columns(play: Take, pattern: str) -> list[int]:
-    return [
-        column
-        for column, name in enumerate(play.markers)
-        if name == pattern or fnmatchcase(name, pattern) or fnmatchcase(subject_of(name)[1], pattern)
-    ]
 
 
 def _expected_error(play: Take, settings: Settings) -> tuple[float | None, str]:

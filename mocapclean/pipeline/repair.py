@@ -4,8 +4,6 @@ import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
-from difflib import get_close_matches
-from fnmatch import fnmatchcase
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -29,7 +27,8 @@ from mocapclean.pipeline.outcome import Choice, Outcome
 from mocapclean.pipeline.summary import account, judge
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
-from mocapclean.take.bones import check_names, subject_of
+from mocapclean.take.bones import check_names
+from mocapclean.take.names import is_pattern, matching_columns, similar_names
 
 
 def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
@@ -176,8 +175,8 @@ def _read(source: Path, settings: Settings) -> Take:
     if own_skeleton:
         options["skeleton"] = settings.skeleton
     take = formats.read(source, **options)
-    exact = [name for name in settings.markers if not set(name) & set("*?[")]
-    others = [name for name in exact if not _matches(name, take.markers)]
+    exact = [name for name in settings.markers if not is_pattern(name)]
+    others = [name for name in exact if not matching_columns(name, take.markers)]
     if others and formats.format_of(source) == "c3d":
         take = formats.read(source, points=others, **options)
     if settings.skeleton and not own_skeleton:
@@ -187,18 +186,10 @@ def _read(source: Path, settings: Settings) -> Take:
     return take
 
 
-def _matches(pattern: str, markers: Sequence[str]) -> list[int]:
-    return [
-        column
-        for column, marker in enumerate(markers)
-        if fnmatchcase(marker, pattern) or fnmatchcase(subject_of(marker)[1], pattern) or marker == pattern
-    ]
-
-
 def _matching(pattern: str, markers: Sequence[str], option: str) -> list[int]:
-    found = _matches(pattern, markers)
+    found = matching_columns(pattern, markers)
     if not found:
-        near = get_close_matches(pattern, markers, n=3) or list(markers[:5])
+        near = similar_names(pattern, markers) or list(markers[:5])
         raise UsageError(f"{option} must name markers of the take. Got {pattern!r}; near: {', '.join(near)}.")
     return found
 

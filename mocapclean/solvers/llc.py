@@ -32,7 +32,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Floats, Ints
-from mocapclean.dictionaries.dictionary import Dictionary, required
+from mocapclean.dictionaries.dictionary import Dictionary, require_dictionary
 from mocapclean.numerics import windows
 from mocapclean.numerics.coding.locality import reconstruct
 from mocapclean.parameters import STRICT
@@ -77,7 +77,7 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     """
     if not fillable(take.trusted).any():
         return Solution(positions=take.positions, filled=fillable(take.trusted), reason="nothing to fill")
-    body = Body(take, required(library))
+    body = Body(take, require_dictionary(library))
     estimate, n_windows = body.interpolated(), 0
     for part, columns in body.parts():
         n_windows += _fill_part(estimate, body, part, columns, params)

@@ -24,8 +24,8 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.dictionaries.dictionary import Dictionary, required
-from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.dictionaries.dictionary import Dictionary, require_dictionary
+from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.parameters import STRICT
 from mocapclean.solvers.dictionary_fill import Body, finish
@@ -60,9 +60,9 @@ def solve(take: Take, params: Params, library: Dictionary | None = None) -> Solu
     """
     if not fillable(take.trusted).any():
         return Solution(positions=take.positions, filled=fillable(take.trusted), reason="nothing to fill")
-    body = Body(take, required(library))
+    body = Body(take, require_dictionary(library))
     estimate = body.interpolated()
-    poses = unit(body.dictionary.poses.reshape(len(body.dictionary.poses), -1))
+    poses = normalised(body.dictionary.poses.reshape(len(body.dictionary.poses), -1))
     codes, n_frames, n_failed, n_active = np.zeros(len(poses)), 0, 0, 0
     for frame in np.flatnonzero(body.trusted.any(axis=1) & ~body.trusted.all(axis=1)):
         seen = np.repeat(body.trusted[frame], 3)

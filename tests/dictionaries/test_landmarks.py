@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames, rigidity
+from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames, rigidity_weights
 from mocapclean.geometry.alignment import carry_points
 from mocapclean.geometry.body_frames import BodyFrames
 
@@ -72,7 +72,7 @@ def test_registration_undoes_a_motion_and_weights_decide(rng):
 def test_what_keeps_its_distance_weighs_most(rng):
     positions = bodies(rng)
     positions[:, 5] += rng.normal(scale=30.0, size=(80, 3))
-    weights = rigidity(positions, positions[:, 0])
+    weights = rigidity_weights(positions, positions[:, 0])
     assert weights[5] < 1e-3 * weights[1:5].min()
 
 

@@ -117,5 +117,5 @@ def test_predicted_values_leave_the_mean_to_the_seen_columns_and_narrow_the_cova
     np.testing.assert_allclose(filtered.covariances[filtered.index], everything.covariances[everything.index])
     t = 30
     V, G = filtered.covariances[filtered.index[t]], plain.information[plain.index[t]]
-    expected = filtered.predicted[t] + V @ (plain.vectors[t] - G @ filtered.predicted[t])
+    expected = filtered.predicted_means[t] + V @ (plain.vectors[t] - G @ filtered.predicted_means[t])
     np.testing.assert_allclose(filtered.means[t], expected, atol=1e-12)
