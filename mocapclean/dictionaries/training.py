@@ -88,12 +88,7 @@ def train(
         window=params.window,
         atoms=atoms,
         poses=_poses(bodies, params, rng),
-        parameters={
-            **asdict(params),
-            "seed": seed,
-            "takes": len(takes),
-            "frames": sum(len(positions) for positions, _ in bodies),
-        },
+        parameters={**asdict(params), "seed": seed, "takes": len(takes), "frames": n_frames},
     )
 
 

@@ -9,7 +9,7 @@ from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
-from mocapclean.evaluation.self_check import Check, SelfCheck
+from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
 from mocapclean.pipeline.outcome import Candidate, Choice
 from mocapclean.solvers import ERROR_BARS, GAPWISE, SOLVERS
 from mocapclean.take import Solution, Take
@@ -52,7 +52,7 @@ def choose(take: Take, wanted: Bools, settings: Settings, library: Dictionary | 
         candidates=tuple(
             Candidate(
                 method=name,
-                total=checks[name].total if name in checks else Check(),
+                total=checks[name].total if name in checks else HiddenGaps(),
                 left_out=left_out.get(name, ""),
             )
             for name in settings.auto.methods
@@ -71,7 +71,7 @@ def _check(method: str, take: Take, wanted: Bools, settings: Settings, library: 
     return found
 
 
-def _rank(total: Check) -> tuple[int, float]:
+def _rank(total: HiddenGaps) -> tuple[int, float]:
     """Hidden samples left, then the error: the least is the best."""
     if total.error is None:
         return total.samples, 0.0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mocapclean.evaluation.metrics import Error, Length
-from mocapclean.evaluation.self_check import Check, SelfCheck
+from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
 from mocapclean.take import Finding
 
 
@@ -36,7 +36,7 @@ class Candidate:
     """A method that might have been chosen: how it did on the hidden samples, or why it was left out."""
 
     method: str
-    total: Check
+    total: HiddenGaps
     left_out: str = ""
 
 

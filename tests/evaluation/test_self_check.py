@@ -203,5 +203,5 @@ def test_a_method_that_fails_is_not_hushed_up():
 def test_a_class_of_which_nothing_can_be_hidden_is_named():
     take = gapped(300, 2, (0, 20, 280), (1, 100, 130))
     found = check(take, everything(take), Stub(take, np.ones(3)), Params())
-    assert found.by_length["over 120"] == self_check.Check()
+    assert found.by_length["over 120"] == self_check.HiddenGaps()
     assert found.by_length["11-30"].gaps > 0
