@@ -51,7 +51,7 @@ def expected_error(sd: Floats) -> float | None:
 
 
 def coverage(errors: Floats, sd: Floats) -> float | None:
-    """Return the share of the coordinates of errors (n, 3) within 1.645 sd (n,), the 90 % interval; None without any."""
+    """Return the share of coordinates of errors (n, 3) within 1.645 sd (n,), the 90 % interval; None without any."""
     return float((np.abs(errors) <= INTERVAL_90 * sd[:, None]).mean()) if errors.size else None
 
 
