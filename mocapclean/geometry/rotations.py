@@ -23,7 +23,7 @@ def fit_rotations(moments: Floats) -> Floats:
 
     F. L. Markley, 1993, Attitude determination using vector observations: a fast optimal matrix algorithm. Newton's
     iteration finds λ from above. One step of N. J. Higham, 1986, doi:10.1137/0907079, removes rounding errors. Where H
-    is near rank 1 the rotation is not unique; one of them is found from singular vectors.
+    is near rank 1 the rotation is not unique; singular vectors give one of them.
     """
     # H scaled to ‖H‖ = 1, with the matrices along the last axis
     size = np.sqrt(np.einsum("nij,nij->n", moments, moments))

@@ -124,14 +124,24 @@ _SWAY = 14.0  # mm, SD of the root's slow random motion to the side and forward,
 _STANCE_DEPTH = 105  # mm, of the root below its height at rest, in the bent knees of the stance
 _BOUNCE = 7  # mm, amplitude of the bounce
 _BOUNCE_RATE = 1.9  # Hz, mean
+_BOUNCE_RATE_SD = 0.15  # Hz, slow variation
+_BOUNCE_RATE_CUTOFF = 0.3  # Hz, of that variation
 _ARM_DELAY = 0.05  # s, of the arm behind the trunk
 _ARM_HASTE = 0.9  # time of the arm's rise, relative to the trunk's
-_SIZE_SD, _HASTE_SD = 0.05, 0.06  # relative, variation of the reach and of the rise from move to move
+_SIZE_SD = 0.05  # relative, variation of the reach from move to move
+_HASTE_SD = 0.06  # relative, variation of the rise from move to move
 _STEP_LIMITS = (150.0, 200.0)  # mm, farthest place of the stance to the side and forward
 _STEP_SECONDS = 0.28  # of one foot
 _STEP_DELAY = 0.14  # s, of the second foot
 _STEP_HEIGHT = 35  # mm
-_BONE_SMOOTHING, _ROOT_SMOOTHING = 0.012, 0.02  # s, SD of the Gaussian filters; the latter for pivots too
+_BONE_SMOOTHING = 0.012  # s, SD of the Gaussian filter over bone angles and steps
+_ROOT_SMOOTHING = 0.02  # s, SD of the Gaussian filter over the root and pivots
+# Ranges of random times, s
+_FIRST_MOVE = (0.3, 0.8)  # start of the first move
+_PAUSE_SHARE = (0.5, 0.6)  # of the move's pause, to the next move of a combination
+_REST = (0.35, 1.1)  # between combinations
+_FIRST_STEP = (0.5, 2.0)  # start of the first step
+_BETWEEN_STEPS = (1.2, 3.0)  # from step to step
 
 
 def box(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, dict[str, Floats]]:
@@ -147,7 +157,7 @@ def box(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, d
         + _SWAY_ANGLE * smooth_noise(rng, n_frames, rate, _SWAY_CUTOFF, 3) * (bone not in ("lradius", "rradius"))
         for bone, guard in _GUARD.items()
     }
-    bounce_rate = _BOUNCE_RATE + 0.15 * smooth_noise(rng, n_frames, rate, 0.3)[:, 0]
+    bounce_rate = _BOUNCE_RATE + _BOUNCE_RATE_SD * smooth_noise(rng, n_frames, rate, _BOUNCE_RATE_CUTOFF)[:, 0]
     bounce = _BOUNCE * np.sin(2 * np.pi * np.cumsum(bounce_rate) / rate)
     sway = _SWAY * smooth_noise(rng, n_frames, rate, _SWAY_CUTOFF, 3) * (1, 0.4, 1)
     root = np.array([0.0, ROOT_HEIGHT - _STANCE_DEPTH, 0.0]) + sway
@@ -171,6 +181,7 @@ def box(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, d
     spine = {"lowerback": trunk, "upperback": trunk, "thorax": trunk, "neck": gaze, "head": gaze}
     angles = {bone: gaussian_filter1d(v, _BONE_SMOOTHING * rate, axis=0) for bone, v in (values | spine).items()}
     steps = _steps(time, rng)
+    # The root follows half of each foot's step, and none of its lift.
     root = gaussian_filter1d(root + (steps["l"] + steps["r"]) * (0.5, 0.0, 0.5), _ROOT_SMOOTHING * rate, axis=0)
     for side in "lr":
         angles |= _leg(side, root, angles["root"], steps[side], pivots[side], rate)
@@ -185,19 +196,19 @@ def _pulse(time: Floats, start: float, rise: float, fall: float) -> Floats:
 
 def _schedule(end: float, rng: np.random.Generator) -> list[tuple[str, float]]:
     """Return moves and their starts in seconds, before ``end``; those of a combination follow one another closely."""
-    schedule, now = [], rng.uniform(0.3, 0.8)
+    schedule, now = [], rng.uniform(*_FIRST_MOVE)
     while now < end:
         for name in _COMBINATIONS[rng.integers(len(_COMBINATIONS))]:
             schedule.append((name, now))
-            now += _MOVES[name].pause * rng.uniform(0.5, 0.6)
-        now += rng.uniform(0.35, 1.1)
+            now += _MOVES[name].pause * rng.uniform(*_PAUSE_SHARE)
+        now += rng.uniform(*_REST)
     return schedule
 
 
 def _steps(time: Floats, rng: np.random.Generator) -> dict[str, Floats]:
     """Return the displacement (F, 3) of each foot from the stance by random steps, lifts included, in mm."""
     displacement = {side: np.zeros((len(time), 3)) for side in "lr"}
-    place, now = np.zeros(2), rng.uniform(0.5, 2.0)
+    place, now = np.zeros(2), rng.uniform(*_FIRST_STEP)
     while now < time[-1]:
         target = rng.uniform(-1.0, 1.0, 2) * _STEP_LIMITS
         # The foot in the direction of the step moves first.
@@ -206,7 +217,7 @@ def _steps(time: Floats, rng: np.random.Generator) -> dict[str, Floats]:
             part = minimum_jerk(time, now + late, now + late + _STEP_SECONDS)
             displacement[side][:, [0, 2]] += np.outer(part, target - place)
             displacement[side][:, 1] += _STEP_HEIGHT * np.sin(np.pi * part) ** 2
-        place, now = target, now + rng.uniform(1.2, 3.0)
+        place, now = target, now + rng.uniform(*_BETWEEN_STEPS)
     return displacement
 
 

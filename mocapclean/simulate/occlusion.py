@@ -26,13 +26,14 @@ _SEGMENT_SD = 25.0  # mm, largest SD of the distance of two markers of one segme
 _CROWDED_EXPOSURE = 1.5  # additional exposure of crowded markers
 _MEDIAN_SECONDS = 0.15  # median length of a gap
 _LOG_SD = 1.0  # SD of the logarithm of the length
-_SHORTEST_SECONDS, _LONGEST_SECONDS = 0.025, 1.25  # limits of the length
+_SHORTEST_SECONDS = 0.025  # of a gap
+_LONGEST_SECONDS = 1.25  # of a gap
 _JOINT_LOSS = 0.25  # share of gaps in which the nearest markers of the segment are lost too
 _NEIGHBOURS = 2  # number of these markers
 _AT_END = 0.04  # share of gaps at the first or the last frame of the take
 _LARGEST_LOSS = 0.8  # largest share of a marker's samples that are lost
-_LARGEST_SHARE = 0.3  # largest share of all samples that can be asked for
-_LEAST_SUCCESS = 0.9  # least part of the asked share that must be reached
+_LARGEST_SHARE = 0.3  # of all samples, largest that is accepted
+_LEAST_SUCCESS = 0.9  # least part of the wanted share that gaps must reach
 _DISTANCE_FRAMES = 4000  # most frames of the distances, about; for speed
 
 _SINGLE_GAP_MARGIN = 10  # frames between a gap of ``single_gaps`` and the ends of the take; chosen by hand

@@ -38,7 +38,8 @@ _TOE_OUT = 6.0  # degrees, outward heading of the feet
 _SMOOTHING_SECONDS = 0.016  # SD of the Gaussian filter over feet and pitch
 
 _STRIDE_CUTOFF = 0.25  # Hz, of the slow variation of tempo and amplitudes
-_POSTURE_CUTOFFS = (0.3, 2.0)  # Hz, of the slow and the fast variation of posture
+_SLOW_POSTURE_CUTOFF = 0.3  # Hz, of the slow variation of posture
+_FAST_POSTURE_CUTOFF = 2.0  # Hz, of its fast variation
 _TEMPO_SD = 0.02  # relative
 _AMPLITUDE_SD = 0.05  # relative
 _FAST_POSTURE = 0.2  # SD of the fast variation of posture, relative to the slow one
@@ -58,8 +59,8 @@ def walk(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, 
     phase = rng.random() + np.cumsum(tempo) * CADENCE / 2 / rate
     turn = 2 * np.pi * phase
     scale = 1.0 + _AMPLITUDE_SD * smooth_noise(rng, n, rate, _STRIDE_CUTOFF, 3)
-    slow, fast = _POSTURE_CUTOFFS
-    posture = smooth_noise(rng, n, rate, slow, 12) + _FAST_POSTURE * smooth_noise(rng, n, rate, fast, 12)
+    posture = smooth_noise(rng, n, rate, _SLOW_POSTURE_CUTOFF, 12)
+    posture = posture + _FAST_POSTURE * smooth_noise(rng, n, rate, _FAST_POSTURE_CUTOFF, 12)
     # Root: sways sideways once a stride, bobs and surges once a step
     speed = SPEED * tempo * (1 + 0.02 * posture[:, 0] + 0.08 * np.cos(2 * turn - 0.3))
     root = _columns(
@@ -70,7 +71,7 @@ def walk(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, 
     # Pelvis: tilts forward, turns with the leg in front, drops on the side of the swinging leg
     pelvis = _columns(4 + np.cos(2 * turn), -5 * np.cos(turn), 4 * np.sin(turn + 0.5)) + 0.5 * posture[:, 3:6]
     pelvis *= scale[:, :1]
-    # Trunk: turns against the pelvis, in equal parts of three bones; the head looks ahead, in parts of two
+    # Trunk: turns against the pelvis, in equal parts of three bones; the head faces forward, by two bones
     back = (_columns(-2 - 1.5 * np.cos(2 * turn - 0.8), 6 * np.cos(turn - 0.1), 0) - pelvis + posture[:, 6:9]) / 3
     gaze = (1.5 * posture[:, 9:] - pelvis - 3 * back) / 2
     angles = {"root": pelvis, "lowerback": back, "upperback": back, "thorax": back, "neck": gaze, "head": gaze}

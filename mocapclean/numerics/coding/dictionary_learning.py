@@ -123,7 +123,7 @@ def _codes_of_observed(atoms: Floats, signals: Floats, hidden: Bools, pattern: I
     chosen, values = np.zeros((len(signals), n_used), dtype=np.intp), np.zeros((len(signals), n_used))
     for index, entries in enumerate(hidden):
         rows = np.flatnonzero(pattern == index)
-        # Pursuit wants unit norms over the observed entries; the coefficients are scaled back.
+        # Pursuit needs unit norms over the observed entries; the coefficients are scaled back.
         norms = np.maximum(np.linalg.norm(atoms[:, ~entries], axis=1), np.finfo(float).tiny)
         observed = atoms[:, ~entries] / norms[:, None]
         chosen[rows], values[rows] = batch_omp(observed, signals[rows][:, ~entries], n_nonzero)

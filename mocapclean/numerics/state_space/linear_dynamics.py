@@ -4,7 +4,7 @@
 
 R. H. Shumway, D. S. Stoffer, 1982, doi:10.1111/j.1467-9892.1982.tb00349.x. Here each row of C is learned from the
 frames in which its column is seen. Values are (T, n), 0 where not seen; neighbouring columns form the groups of
-``Masks`` (T, g). P_1 is a multiple of I, and so is Q unless it is asked to be full.
+``Masks`` (T, g). P_1 is a multiple of I, and so is Q by default.
 """
 
 from dataclasses import dataclass

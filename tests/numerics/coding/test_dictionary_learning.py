@@ -1,4 +1,4 @@
-"""K-SVD: residuals orthogonal to chosen atoms, unit norms, an error that falls, few atoms found for planted signals."""
+"""K-SVD: residuals orthogonal to chosen atoms, unit norms, an error that falls, and atoms of planted signals."""
 
 import numpy as np
 import pytest

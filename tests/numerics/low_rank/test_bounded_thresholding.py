@@ -34,16 +34,16 @@ def chain(rng: np.random.Generator, n_frames: int = 10) -> tuple[np.ndarray, np.
     return values, known, DistanceBounds(first, second, lengths, 4 * n_frames), (first, second, lengths)
 
 
-def climb(values, known, edges, *, step, tolerance=1e-8, max_iterations=60000) -> DualIterate:
+def climb(values, known, bounds, *, step, tolerance=1e-8, max_iterations=60000) -> DualIterate:
     return threshold_by_dual_ascent(
-        values, known, edges, threshold=TAU, step=step, tolerance=tolerance, excess_tolerance=tolerance,
+        values, known, bounds, threshold=TAU, step=step, tolerance=tolerance, excess_tolerance=tolerance,
         max_iterations=max_iterations,
     )  # fmt: skip
 
 
-def split(values, known, edges, *, memory=10, penalty=20.0, tolerance=1e-9, max_iterations=20000) -> Iterate:
+def split(values, known, bounds, *, memory=10, penalty=20.0, tolerance=1e-9, max_iterations=20000) -> Iterate:
     return threshold_by_splitting(
-        values, known, edges, threshold=TAU, penalty=penalty, memory=memory, tolerance=tolerance,
+        values, known, bounds, threshold=TAU, penalty=penalty, memory=memory, tolerance=tolerance,
         excess_tolerance=tolerance, max_iterations=max_iterations,
     )  # fmt: skip
 
@@ -71,8 +71,8 @@ def test_curvature_is_a_tight_bound_on_a_tree_and_a_bound_with_a_cycle(rng):
         known = np.repeat(np.array([[True, False, True, True]]), 3, axis=1)
         matrix = np.diag([1.0, 0.0, 1.0, 1.0])
         for a, b in ends:
-            edge = np.eye(4)[a] - np.eye(4)[b]
-            matrix += np.outer(edge, edge)
+            difference = np.eye(4)[a] - np.eye(4)[b]
+            matrix += np.outer(difference, difference)
         largest = np.linalg.eigvalsh(matrix)[-1]
         bound = DistanceBounds(first, second, np.ones(3), 4).curvature(known)
         assert largest - 1e-12 <= bound
@@ -90,13 +90,13 @@ def test_one_missing_end_joint_has_the_curvature_that_explains_the_printed_step(
     assert inner == pytest.approx(2 + 2**0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize("with_edges", [False, True])
-def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_edges):
-    values, known, edges, (first, second, lengths) = chain(rng)
-    if not with_edges:
-        edges, first, second, lengths = no_bounds(values.size // 3), first[:0], second[:0], lengths[:0]
+@pytest.mark.parametrize("with_bounds", [False, True])
+def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_bounds):
+    values, known, bounds, (first, second, lengths) = chain(rng)
+    if not with_bounds:
+        bounds, first, second, lengths = no_bounds(values.size // 3), first[:0], second[:0], lengths[:0]
     step, n = 0.1, 30
-    mine = climb(values, known, edges, step=step, tolerance=0.0, max_iterations=n)
+    mine = climb(values, known, bounds, step=step, tolerance=0.0, max_iterations=n)
     assert mine.skipped > 3
     y, p, s = values.copy(), np.zeros((len(lengths), 3)), np.zeros(len(lengths))
     for _ in range(n + mine.skipped):
@@ -111,11 +111,11 @@ def test_printed_iteration_and_kick_start_are_those_of_the_equations(rng, with_e
     np.testing.assert_allclose(mine.equality, y, atol=1e-9)
     np.testing.assert_allclose(mine.vectors, p, atol=1e-9)
     assert np.abs(mine.matrix).max() > 0.1
-    assert not with_edges or np.abs(mine.vectors).max() > 1e-3
+    assert not with_bounds or np.abs(mine.vectors).max() > 1e-3
 
 
 def test_feasible_pairs_are_the_nearest_by_least_squares(rng):
-    values, known, edges, (first, second, _) = chain(rng)
+    values, known, bounds, (first, second, _) = chain(rng)
     matrix, vectors = rng.normal(size=values.shape), rng.normal(size=(len(first), 3))
     rows = np.eye(values.size // 3)[first] - np.eye(values.size // 3)[second]
     free = ~known[:, ::3].ravel()
@@ -125,18 +125,18 @@ def test_feasible_pairs_are_the_nearest_by_least_squares(rng):
     ) @ values.reshape(-1, 3)
     expected = values.reshape(-1, 3).copy()
     expected[free] = np.linalg.lstsq(system, goal, rcond=None)[0]
-    nearest, differences = FeasiblePairs(values, known, edges).nearest(matrix, vectors)
+    nearest, differences = FeasiblePairs(values, known, bounds).nearest(matrix, vectors)
     np.testing.assert_allclose(nearest.reshape(-1, 3), expected, atol=1e-12)
     np.testing.assert_allclose(differences, rows @ expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("with_edges", [False, True])
-def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_edges):
-    values, known, edges, ends = chain(rng, 8)
-    if not with_edges:
-        edges, ends = no_bounds(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
-    found = split(values, known, edges)
-    assert found.converged
+@pytest.mark.parametrize("with_bounds", [False, True])
+def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_bounds):
+    values, known, bounds, ends = chain(rng, 8)
+    if not with_bounds:
+        bounds, ends = no_bounds(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
+    result = split(values, known, bounds)
+    assert result.converged
     Z = cp.Variable(values.shape)
     rules = [cp.multiply(known.astype(float), Z) == values]
     for a, b, length in zip(*ends, strict=True):
@@ -144,17 +144,17 @@ def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rn
         rules.append(cp.norm(Z[row, 3 * one : 3 * one + 3] - Z[row, 3 * other : 3 * other + 3]) <= length)
     cost = TAU * cp.normNuc(Z) + 0.5 * cp.sum_squares(Z)
     best = cp.Problem(cp.Minimize(cost), rules).solve(solver=cp.CLARABEL)
-    mine = TAU * np.linalg.norm(found.matrix, "nuc") + 0.5 * np.sum(found.matrix**2)
+    mine = TAU * np.linalg.norm(result.matrix, "nuc") + 0.5 * np.sum(result.matrix**2)
     assert mine == pytest.approx(best, rel=1e-6)
-    np.testing.assert_allclose(found.matrix, Z.value, atol=2e-3)
+    np.testing.assert_allclose(result.matrix, Z.value, atol=2e-3)
     for settings in ({"memory": 0, "tolerance": 1e-7}, {"penalty": 80.0}):
-        np.testing.assert_allclose(split(values, known, edges, **settings).matrix, found.matrix, atol=1e-4)
+        np.testing.assert_allclose(split(values, known, bounds, **settings).matrix, result.matrix, atol=1e-4)
 
 
 def test_splitting_needs_far_fewer_iterations_than_the_ascent_for_the_same_answer(rng):
-    values, known, edges, _ = chain(rng)
-    plain = climb(values, known, edges, step=1.9 / edges.curvature(known), tolerance=1e-2)
-    fast = split(values, known, edges, tolerance=1e-2)
+    values, known, bounds, _ = chain(rng)
+    plain = climb(values, known, bounds, step=1.9 / bounds.curvature(known), tolerance=1e-2)
+    fast = split(values, known, bounds, tolerance=1e-2)
     assert plain.converged
     assert 3 * len(fast.trace) < len(plain.trace)
     np.testing.assert_allclose(fast.matrix[known], plain.matrix[known], atol=0.1)
@@ -164,8 +164,8 @@ def test_splitting_needs_far_fewer_iterations_than_the_ascent_for_the_same_answe
 
 
 def test_bounds_matter_here(rng):
-    values, known, edges, (first, second, lengths) = chain(rng)
-    for limits, holds in ((edges, True), (no_bounds(values.size // 3), False)):
+    values, known, bounds, (first, second, lengths) = chain(rng)
+    for limits, holds in ((bounds, True), (no_bounds(values.size // 3), False)):
         samples = split(values, known, limits).matrix.reshape(-1, 3)
         longest = np.linalg.norm(samples[first] - samples[second], axis=1).max()
         assert longest <= lengths[0] + 1e-7 if holds else longest > lengths[0] + 0.01
@@ -173,7 +173,7 @@ def test_bounds_matter_here(rng):
 
 def test_zero_matrix_is_answered_at_once():
     nothing = np.zeros((4, 6)), np.ones((4, 6), bool), no_bounds(8)
-    for found in (climb(*nothing, step=1.0), split(*nothing)):
-        assert found.converged
-        assert len(found.trace) == 1
-        assert not found.matrix.any()
+    for result in (climb(*nothing, step=1.0), split(*nothing)):
+        assert result.converged
+        assert len(result.trace) == 1
+        assert not result.matrix.any()

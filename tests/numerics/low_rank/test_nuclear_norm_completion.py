@@ -94,12 +94,12 @@ def test_free_singular_values_recover_what_the_nuclear_norm_shrinks(rng):
 def test_extrapolation_comes_to_the_same_answer_sooner_and_keeps_what_is_known(rng, rank):
     values, known = problem(rng)
     tangent = top_singular_directions(values, rank)
-    found = []
+    completions = []
     for memory in (0, 6):
         completion = NuclearNormCompletion(values, known, penalty=0.3, memory=memory)
         assert completion.run(tangent=tangent, tolerance=1e-9, change_tolerance=1e-9, max_iterations=20000)
-        found.append(completion)
-    plain, fast = found
+        completions.append(completion)
+    plain, fast = completions
     assert 2 * len(fast.trace) < len(plain.trace)
     np.testing.assert_allclose(fast.filled, plain.filled, atol=1e-6)
     np.testing.assert_allclose(fast.multiplier, plain.multiplier, atol=1e-6)
