@@ -19,7 +19,11 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc
-from mocapclean.numerics.state_space.linear_dynamics import expect, maximise, principal_system
+from mocapclean.numerics.state_space.linear_dynamics import (
+    expectation_step,
+    maximisation_step,
+    system_of_principal_components,
+)
 from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.simulate import block_loss, random_loss
 from mocapclean.solvers.dynammo import LEAST_VARIANCE, Columns
@@ -77,16 +81,16 @@ def main() -> None:
     columns = Columns(replace(take, trusted=~missing), "body")
     known = np.repeat(columns.seen, 3, axis=1)
     values = np.where(known, columns.start, 0.0)
-    masks, system = Masks(columns.seen), principal_system(columns.start, STATES, LEAST_VARIANCE)
+    masks, system = Masks(columns.seen), system_of_principal_components(columns.start, STATES, LEAST_VARIANCE)
     port = {"A": system.dynamics.transition, "q": system.dynamics.process[0, 0], "m": system.dynamics.start}
-    port |= {"p": system.dynamics.start_covariance[0, 0], "C": system.loadings, "r": system.noise}
+    port |= {"p": system.dynamics.start_covariance[0, 0], "C": system.loadings, "r": system.noise_variance}
     begin = perf_counter()
     for _ in range(ITERATIONS):
         port, states, port_likelihood = textbook(port, values, known)
     middle = perf_counter()
     for _ in range(ITERATIONS):
-        smoothed, likelihood = expect(system, values, masks)
-        system = maximise(system, smoothed, values, masks, full=False, least=LEAST_VARIANCE)
+        smoothed, likelihood = expectation_step(system, values, masks)
+        system = maximisation_step(system, smoothed, values, masks, full=False, least=LEAST_VARIANCE)
     end = perf_counter()
     slow, fast = (middle - begin) / ITERATIONS, (end - middle) / ITERATIONS
     gap = np.abs(smoothed.means @ system.loadings.T - states @ port["C"].T)[~known].max() * columns.spread

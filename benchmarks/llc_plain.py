@@ -22,7 +22,7 @@ from mocapclean import read
 from mocapclean.dictionaries.body_parts import known_parts
 from mocapclean.dictionaries.training import Params, train
 from mocapclean.numerics import windows
-from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.locality import reconstruct
 from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.simulate import block_loss
@@ -96,7 +96,7 @@ def main() -> None:
     print(f" ({slow / quick:.1f}x, difference {scale * np.abs(plain - every).max():.1e} mm)", end="")
     print(f", 100 nearest {quickest:.2f} s ({slow / quickest:.1f}x, {scale * np.abs(plain - near).max():.1e} mm)")
 
-    poses, some = unit(dictionary.poses.reshape(len(dictionary.poses), -1)), range(0, 40)
+    poses, some = normalised(dictionary.poses.reshape(len(dictionary.poses), -1)), range(0, 40)
     codes, before, quick, slow, worst = np.zeros(len(poses)), 0, 0.0, 0.0, 0.0
     for frame in some:
         seen, target = np.repeat(trusted[frame], 3), local[frame].ravel()

@@ -25,12 +25,13 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.numerics.low_rank.bounded_completion import complete
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.completion import Completion
-from mocapclean.numerics.low_rank.dual_ascent import ascend, no_edges
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.distance_bounds import no_bounds
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.robust_pca import robust_pca
 from mocapclean.numerics.low_rank.shrinkage import top_singular_directions
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import threshold_by_dual_ascent
+from mocapclean.numerics.low_rank.thresholding_by_splitting import threshold_by_splitting
 from mocapclean.simulate import block_loss, hide
 from mocapclean.solvers.scsvt import loose_edges
 from mocapclean.take.bones import bones_of
@@ -79,7 +80,7 @@ def plain_svt(values, known, threshold, step):
 
 
 def plain_scsvt(values, known, threshold, step, first, second, lengths):
-    """Edges (N,): sample indices of both ends."""
+    """Bounds (N,): sample indices of both ends."""
     y, p, s = values.copy(), np.zeros((len(lengths), 3)), np.zeros(len(lengths))
     while True:
         total = y.reshape(-1, 3).copy()
@@ -122,7 +123,7 @@ def plain_robust(matrix, weight, keep=0):
 
 def ours_dual(data, edges, n_iterations, step):
     begin = process_time()
-    found = ascend(
+    found = threshold_by_dual_ascent(
         data.values,
         data.known,
         edges,
@@ -136,7 +137,7 @@ def ours_dual(data, edges, n_iterations, step):
 
 
 def ours_bounded(data, edges, n_iterations, **speed):
-    return complete(
+    return threshold_by_splitting(
         data.values,
         data.known,
         edges,
@@ -150,7 +151,7 @@ def ours_bounded(data, edges, n_iterations, **speed):
 
 def ours_completion(values, known, mu, n_iterations, relaxation=1.0, memory=0, **shape):
     begin = process_time()
-    completion = Completion(values, known, penalty=mu, relaxation=relaxation, memory=memory)
+    completion = NuclearNormCompletion(values, known, penalty=mu, relaxation=relaxation, memory=memory)
     completion.run(tolerance=0.0, change_tolerance=0.0, max_iterations=n_iterations, **shape)
     return completion.filled, process_time() - begin
 
@@ -172,7 +173,7 @@ def hidden(folder, name, step, n_out, length):
     )
     missing = block_loss(*take.trusted.shape, length, n_out, np.random.default_rng(0))
     take = hide(take, missing)
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     edges = loose_edges(bones_of(take)[1], take.markers, take.trusted)
     ends = edges._difference.tocoo()
     first = ends.col[np.argsort(ends.row + len(edges.lengths) * (ends.data < 0))]
@@ -183,7 +184,7 @@ def per_iteration(folder, n=40):
     data, edges, ends = hidden(folder, "13_17", 1, 10, 60)
     tau = THRESHOLD * data.values.size**0.5
     print(f"13_17, {data.values.shape[0]} x {data.values.shape[1]}, {n} printed iterations each, one thread")
-    none = no_edges(data.values.size // 3)
+    none = no_bounds(data.values.size // 3)
     found, our_seconds = ours_dual(data, none, n, 1.5)
     k = n + found.skipped
     port, seconds = watched(plain_svt(data.values, data.known, tau, 1.5), k)
@@ -210,7 +211,7 @@ def per_iteration(folder, n=40):
 def to_converged(folder):
     """Processor time until the iterate is near the answer of long runs."""
     data, _, _ = hidden(folder, "13_17", 4, 6, 60)
-    none, tau, values = no_edges(data.values.size // 3), THRESHOLD * data.values.size**0.5, data.values / data.spread
+    none, tau, values = no_bounds(data.values.size // 3), THRESHOLD * data.values.size**0.5, data.values / data.spread
     norm = np.linalg.norm(values, 2)
     print(f"13_17 at 30 Hz, {values.shape[0]} x {values.shape[1]}, processor time to near the answer")
     race(

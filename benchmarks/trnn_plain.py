@@ -19,9 +19,9 @@ import numpy as np
 from scipy.fft import dct, idct
 from trnn2_sweep import CAPTURES, hide, read_take
 
-from mocapclean.numerics.low_rank.extrapolation import Anderson
+from mocapclean.numerics.low_rank.anderson_acceleration import AndersonAcceleration
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
-from mocapclean.numerics.low_rank.splitting import Copies
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SplitCopies
 from mocapclean.solvers import trnn, tsmc
 from mocapclean.solvers.sparse_noise import NoisyTake
 
@@ -84,7 +84,7 @@ def compare(take, name, rank):
     middle = perf_counter()
     if name == "tsmc":
         plain = tsmc.Params(memory=0, penalty=penalty, tolerance=0.0, max_iterations=N_ITERATIONS)
-        low, _ = tsmc.minimise(Copies(alm.low.copy(), given), plain)
+        low, _ = tsmc.minimise(SplitCopies(alm.low.copy(), given), plain)
     else:
         alm.run()
         low = alm.low
@@ -99,17 +99,17 @@ def race(take, penalty, memory):
     problem = NoisyTake(take, 56.444)
     given = problem.observe(100.0, 100.0)
     tight = tsmc.Params(tolerance=1e-12, max_iterations=6000)
-    goal, _ = tsmc.minimise(Copies(problem.start, given), tight)
+    goal, _ = tsmc.minimise(SplitCopies(problem.start, given), tight)
 
     def far(low):
         return np.linalg.norm(low - goal) > CLOSE * np.linalg.norm(goal)
 
     begin, n_ours = perf_counter(), 0
-    copies, low = Copies(problem.start, given), problem.start.copy(order="F")
-    ahead = Anderson(memory, copies.state.size)
+    copies, low = SplitCopies(problem.start, given), problem.start.copy(order="F")
+    ahead = AndersonAcceleration(memory, copies.state.size)
     while far(low) and n_ours < MOST:
-        shrink_singular_values(copies.settle(penalty), 0.5 / penalty, out=low)
-        copies.state = ahead.next(copies.state, copies.image(low)[0])
+        shrink_singular_values(copies.update(penalty), 0.5 / penalty, out=low)
+        copies.state = ahead.next_state(copies.state, copies.next_state(low)[0])
         n_ours += 1
     middle, n_theirs = perf_counter(), 0
     port = Port(problem.start, given, penalty)

@@ -1,4 +1,4 @@
-"""Names for the arrays of the project, runs of True in masks, and evenly spaced frames."""
+"""Array types of the project, runs of True in masks, and evenly spaced frames."""
 
 from collections.abc import Iterator
 

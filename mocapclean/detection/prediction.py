@@ -11,7 +11,7 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
 from mocapclean.detection.robust_ridge import Rows, regress
 from mocapclean.detection.steps import Step, steps_of
-from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import PARTNERS, Rigidity
 from mocapclean.numerics import interpolation
 
@@ -109,9 +109,9 @@ def _segments(seen: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats
     sample = np.take_along_axis(seen, frames[None, :, :, None], axis=2)
     shape = sample[:, :, _SHAPED // 2]
     for _ in range(2):
-        turn, centre = lay(shape, sample, weights)
+        turn, centre = align_shapes(shape, sample, weights)
         shape = _into(sample - centre[..., None], turn[..., None]).mean(axis=2)
-    return lay(shape, seen, weights)
+    return align_shapes(shape, seen, weights)
 
 
 def _into(away: Floats, turn: Floats) -> Floats:

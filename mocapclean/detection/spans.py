@@ -2,11 +2,11 @@
 
 import csv
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from pathlib import Path
 
 from mocapclean.errors import UsageError
 from mocapclean.take import Finding, Take
+from mocapclean.take.names import similar_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ def distrust(take: Take, spans: tuple[Span, ...]) -> Take:
     trusted, findings = take.trusted.copy(), []
     for span in spans:
         if span.marker not in columns:
-            near = get_close_matches(span.marker, take.markers, n=3)
+            near = similar_names(span.marker, take.markers)
             hint = f"Near: {', '.join(near)}." if near else f"It has {', '.join(take.markers[:5])}, ..."
             raise UsageError(f"{span.place}: the take has no marker {span.marker!r}. {hint}")
         if span.first < first or span.last > last:

@@ -1,1 +1,1 @@
-"""Dictionaries of body parts: learnt from clean takes, kept in a file without pickle."""
+"""Dictionaries of body parts: learned from clean takes, and stored in a file without pickle."""

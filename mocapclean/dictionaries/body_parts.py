@@ -1,4 +1,4 @@
-"""The five parts of a body, and the markers that say where it is: by name, or as the user says."""
+"""The five parts of a body and the markers of its frame of reference, by their names or from the user."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -6,11 +6,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from mocapclean.errors import UsageError
-from mocapclean.take.bones import subject_of
+from mocapclean.take.names import bare_name
 
+# Torso and head, left and right arm, left and right leg: Z. Wang et al., 2016.
 PARTS = ("TO", "LA", "RA", "LL", "RL")
+# Root, right hip, left hip, neck.
 LANDMARKS = ("origin", "right", "left", "top")
 
+# Names of markers and joints, in lower case and without underscores; those of arms and legs also without their side.
+# The first line of each set has the joints of the CMU Graphics Lab's skeletons, the second those of common BVH
+# exporters, the third the markers of the Vicon and Plug-in Gait full-body sets.
 _SIDES = {"left": "L", "right": "R", "l": "L", "r": "R"}
 _ARM = frozenset(
     """
@@ -35,8 +40,9 @@ _TORSO = frozenset(
 )
 _FINGER = re.compile(r"(in)?hand(thumb|index|middle|ring|pinky)\d?")
 
-# Origin, right hip, left hip, neck: the first line whose markers a take has.
-_FRAMES = (
+# Markers of the landmarks for a known skeleton or marker set; the first line whose markers a take has is used. Two hips
+# that BVH exporters call differently, and two sets of pelvis markers, have a line each.
+_LANDMARK_SETS = (
     ("root", "rhipjoint", "lhipjoint", "thorax"),
     ("Hips", "RightUpLeg", "LeftUpLeg", "Neck"),
     ("Hips", "RightUpLeg", "LeftUpLeg", "Head"),
@@ -46,7 +52,8 @@ _FRAMES = (
     ("LASI RASI SACR", "RASI", "LASI", "C7 CLAV"),
     ("LASI RASI SACR", "RASI", "LASI", "LSHO RSHO"),
 )
-_NEAR_TORSO = frozenset(
+# Joints of the arms and legs that lie on the torso, and so help to locate it.
+_TORSO_NEIGHBOURS = frozenset(
     """
     rhipjoint lhipjoint rclavicle lclavicle RightUpLeg LeftUpLeg RightHip LeftHip
     RightShoulder LeftShoulder RightCollar LeftCollar RSHO LSHO
@@ -56,11 +63,11 @@ _NEAR_TORSO = frozenset(
 
 @dataclass(frozen=True, kw_only=True)
 class BodyParts:
-    """Which markers make up a body and its frame.
+    """The markers of a body's parts and of its frame of reference.
 
-    parts: markers of TO (torso and head), LA, RA (arms), LL, RL (legs); every marker in one part. origin, right, left,
-    top: markers whose mean is the root, the right and left hip, and the neck. torso: markers that tell where those are
-    when they are lost.
+    parts: markers of TO (torso and head), LA, RA (arms), LL, RL (legs); every marker is in one part. origin, right,
+    left, top: markers whose mean is the root, the right hip, the left hip and the neck. torso: markers that locate
+    these landmarks where they are missing.
     """
 
     parts: Mapping[str, tuple[str, ...]]
@@ -81,14 +88,14 @@ class BodyParts:
         return self.origin, self.right, self.left, self.top
 
     def as_mapping(self) -> dict[str, Any]:
-        """What ``from_mapping`` reads."""
+        """Return the mapping that ``from_mapping`` reads."""
         frame = {name: list(getattr(self, name)) for name in (*LANDMARKS, "torso")}
         return {**{part: list(self.parts[part]) for part in PARTS}, "frame": frame}
 
 
-def bare_names(markers: Iterable[str]) -> tuple[str, ...]:
-    """Marker names without their subject; raises UsageError where two become the same."""
-    names = tuple(subject_of(marker)[1] for marker in markers)
+def distinct_bare_names(markers: Iterable[str]) -> tuple[str, ...]:
+    """Return the marker names without their subjects; raise UsageError where two are then the same."""
+    names = tuple(bare_name(marker) for marker in markers)
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
         raise UsageError(f"a dictionary is of one body: markers must have distinct names. Got {_list(twice)} twice.")
@@ -96,33 +103,37 @@ def bare_names(markers: Iterable[str]) -> tuple[str, ...]:
 
 
 def known_parts(markers: Iterable[str]) -> BodyParts:
-    """The parts of a marker set by name: CMU joints, common marker sets, joints as common BVH exporters call them.
+    """Return the parts of a marker set by name: CMU joints, common marker sets, and the joints of BVH exporters.
 
-    Raises UsageError with the markers that no part is known for, or when the hips and the neck cannot be told.
+    Raises UsageError with the markers whose part is unknown, or when no set of hip and neck markers is complete.
     """
-    names = bare_names(markers)
-    found = {name: _part_of(name) for name in names}
-    unknown = [name for name, part in found.items() if part is None]
+    names = distinct_bare_names(markers)
+    part_of = {name: _part_of(name) for name in names}
+    unknown = [name for name, part in part_of.items() if part is None]
     if unknown:
         raise UsageError(
             f"every marker must belong to a part of the body. Got {_list(unknown)}; assign them with --body-parts, or "
             "leave them out with --exclude."
         )
-    frame = next((f for f in (tuple(map(str.split, line)) for line in _FRAMES) if set().union(*f) <= set(names)), None)
-    if frame is None:
+    landmarks = next(
+        (groups for line in _LANDMARK_SETS if set().union(*(groups := tuple(map(str.split, line)))) <= set(names)), None
+    )
+    if landmarks is None:
         raise UsageError(
             "the hips and the neck must be known by name for a frame that travels with the body. Give --body-parts "
             "with a frame: origin, right, left and top."
         )
-    torso = [name for name in names if found[name] == "TO" or name in _NEAR_TORSO or name in set().union(*frame)]
+    used = set().union(*landmarks)
+    torso = [name for name in names if part_of[name] == "TO" or name in _TORSO_NEIGHBOURS or name in used]
     return BodyParts(
-        parts={part: tuple(name for name in names if found[name] == part) for part in PARTS},
-        **{key: tuple(group) for key, group in zip(LANDMARKS, frame, strict=True)},
+        parts={part: tuple(name for name in names if part_of[name] == part) for part in PARTS},
+        **{key: tuple(group) for key, group in zip(LANDMARKS, landmarks, strict=True)},
         torso=tuple(torso),
     )
 
 
 def _part_of(name: str) -> str | None:
+    """Return the part of a known marker or joint; None if it is unknown."""
     plain = name.replace("_", "").lower()
     if plain in _TORSO:
         return "TO"
@@ -137,10 +148,11 @@ def _part_of(name: str) -> str | None:
 
 
 def from_mapping(mapping: Any, source: str) -> BodyParts:
-    """The parts that a user wrote down: lists of names under TO, LA, RA, LL, RL, and ``frame``.
+    """Return the parts that a user's mapping gives: lists of names under TO, LA, RA, LL, RL, and ``frame``.
 
-    frame: lists of names under origin, right, left and top; and torso, else the markers of TO and of the frame.
-    source: what to call it in a message. Raises UsageError for what is unknown, missing or given twice.
+    frame: lists of names under origin, right, left and top; and under torso, by default the markers of TO and of the
+    frame. source: the name of the mapping in messages. Raises UsageError for unknown keys, missing landmarks, and
+    markers that are given twice or in no part.
     """
     tree = _section(mapping, source, (*PARTS, "frame"))
     frame = _section(tree.get("frame"), f"{source}: frame", (*LANDMARKS, "torso"))
@@ -162,6 +174,7 @@ def from_mapping(mapping: Any, source: str) -> BodyParts:
 
 
 def _section(tree: Any, source: str, keys: tuple[str, ...]) -> Mapping[str, Any]:
+    """Return the tree if it is a mapping with no other keys than these; raise UsageError otherwise."""
     if not isinstance(tree, Mapping):
         raise UsageError(f"{source} must be a mapping of {', '.join(keys)} to names of markers. Got {tree!r}.")
     unknown = [str(key) for key in tree if key not in keys]
@@ -171,11 +184,13 @@ def _section(tree: Any, source: str, keys: tuple[str, ...]) -> Mapping[str, Any]
 
 
 def _names(value: Any, source: str) -> tuple[str, ...]:
+    """Return a list of names as a tuple; raise UsageError for anything else."""
     if not isinstance(value, list | tuple) or not all(isinstance(name, str) for name in value):
         raise UsageError(f"{source} must be a list of names of markers. Got {value!r}.")
     return tuple(value)
 
 
 def _list(names: Iterable[str]) -> str:
+    """Return the first 12 names as text, and the number of the others."""
     kept = list(names)
     return ", ".join(kept[:12]) + (f" and {len(kept) - 12} more" if len(kept) > 12 else "")

@@ -1,14 +1,14 @@
-"""Learn a dictionary of a body's parts from clean takes.
+"""Training of a dictionary of a body's parts on clean takes.
 
-For each part the windows of L frames, in the frame that travels with the body, are signals y of mean norm 1:
+For each part the windows of L frames, in the frame that moves with the body, are signals y of RMS norm 1:
 
 1. K-SVD: min ‖y − wᵀD‖² subject to ‖w‖₀ ≤ t, D of unit norm (M. Aharon et al., 2006).
-2. Missing-aware passes (Z. Wang et al., 2016, eq. 2): some markers of each window are hidden; the codes come from what
-   is left, the atoms from all of it, hidden entries weighing κ. The paper's ℓ1 codes are replaced by the t atoms of the
-   first step, which spares a second parameter.
-3. Atoms get the length and the sign that they have in use, for the local coding asks how near an atom is.
+2. Missing-aware passes (Z. Wang et al., 2016, eq. 2): some markers of each window are hidden. The codes come from the
+   other entries, the atoms from all, with weight κ for hidden entries. Codes of t atoms as in the first step replace
+   the paper's ℓ1 codes and their parameter.
+3. Atoms get the mean length and sign of their use, because local coding depends on the distances of atoms.
 
-Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016, prints L, K and λ only; the other numbers are of
+Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016, prints L, K and λ alone; the other numbers are of
 benchmarks/llc_sweep.csv.
 """
 
@@ -21,16 +21,18 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.dictionaries.body_parts import PARTS, BodyParts, bare_names
-from mocapclean.dictionaries.dictionary import Dictionary, body_frames
+from mocapclean.dictionaries.body_parts import PARTS, BodyParts, distinct_bare_names
+from mocapclean.dictionaries.dictionary import RATE_TOLERANCE, Dictionary, body_frames
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation, windows
-from mocapclean.numerics.coding.dictionary_learning import ksvd, learn_holes, prototypes
+from mocapclean.numerics.coding.dictionary_learning import ksvd, learn_with_hidden_entries, scaled_to_use
 from mocapclean.parameters import STRICT, About
 from mocapclean.take import Take
 
+# Fewest training windows for each atom; chosen by hand, so that no atom repeats a single window.
 _SIGNALS_PER_ATOM = 4
-_PATTERNS = 8
+# Sets of hidden markers in one missing-aware pass; chosen by hand for speed, each set has its own pursuit.
+_HIDDEN_SETS = 8
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -57,8 +59,8 @@ class Params:
 
 
 def n_steps(parts: BodyParts, params: Params) -> int:
-    """How often ``train`` calls ``tick``."""
-    return len(_inhabited(parts)) * (params.sweeps + params.hole_passes)
+    """Return how often ``train`` calls ``tick``."""
+    return len(_nonempty_parts(parts)) * (params.sweeps + params.hole_passes)
 
 
 def train(
@@ -68,10 +70,10 @@ def train(
     seed: int = 0,
     tick: Callable[[], None] = lambda: None,
 ) -> Dictionary:
-    """Learn from takes that all have the markers of ``parts`` and one rate; tick is called after every pass.
+    """Return the dictionary of takes that all have the markers of ``parts`` and one rate.
 
-    Only trusted samples are learnt from. Raises UsageError when the takes do not fit together, or hold no window or
-    pose that is whole.
+    It is learned from trusted samples alone. tick: called after every pass. Raises UsageError when markers or rates
+    differ, or when no window or no pose is complete.
     """
     if not takes:
         raise UsageError("a dictionary must be trained on at least one take.")
@@ -80,42 +82,48 @@ def train(
     bodies = [_body(take, parts) for take in takes]
     names = parts.markers
     atoms = {}
-    for part in _inhabited(parts):
+    for part in _nonempty_parts(parts):
         columns = np.array([names.index(name) for name in parts.parts[part]])
-        whole = [(p[:, columns], np.asarray(u[:, columns].all(axis=1))) for p, u in bodies]
-        signals = _signals(whole, part, params, rng)
+        own = [(positions[:, columns], np.asarray(usable[:, columns].all(axis=1))) for positions, usable in bodies]
+        signals = _signals(own, part, params, rng)
         atoms[part] = _learn(signals, len(columns), params, rng, tick)
+    n_frames = sum(len(positions) for positions, _ in bodies)
     return Dictionary(
         parts=parts,
         rate=takes[0].rate,
         window=params.window,
         atoms=atoms,
         poses=_poses(bodies, params, rng),
-        parameters={**asdict(params), "seed": seed, "takes": len(takes), "frames": sum(len(p) for p, _ in bodies)},
+        parameters={**asdict(params), "seed": seed, "takes": len(takes), "frames": n_frames},
     )
 
 
-def _inhabited(parts: BodyParts) -> list[str]:
+def _nonempty_parts(parts: BodyParts) -> list[str]:
+    """Return the parts that have markers."""
     return [part for part in PARTS if parts.parts[part]]
 
 
 def _check(takes: Sequence[Take], parts: BodyParts) -> None:
+    """Raise UsageError unless all takes have the markers of the parts, and one rate."""
     for take in takes:
         source = f"{take.origin.path}: " if take.origin else ""
-        names = set(bare_names(take.markers))
+        names = set(distinct_bare_names(take.markers))
         lacking = [name for name in parts.markers if name not in names]
         if lacking:
             raise UsageError(f"{source}a training take must have all markers of the body. Got none named {lacking[0]}.")
-        if abs(take.rate - takes[0].rate) > 0.01 * takes[0].rate:
+        if abs(take.rate - takes[0].rate) > RATE_TOLERANCE * takes[0].rate:
             raise UsageError(
                 f"{source}training takes must have one rate. Got {take.rate:g} Hz after {takes[0].rate:g} Hz."
             )
 
 
 def _body(take: Take, parts: BodyParts) -> tuple[Floats, Bools]:
-    """Positions (F, M, 3) in the body's own frame, and which of them may be learnt from."""
-    place = {name: column for column, name in enumerate(bare_names(take.markers))}
-    columns = np.array([place[name] for name in parts.markers])
+    """Return positions (F, M, 3) in the body's own frame, and the samples (F, M) that are usable for training.
+
+    These are the trusted samples of the frames in which all landmarks are trusted.
+    """
+    column_of = {name: column for column, name in enumerate(distinct_bare_names(take.markers))}
+    columns = np.array([column_of[name] for name in parts.markers])
     trusted = take.trusted[:, columns]
     positions = interpolation.linear(take.positions[:, columns], trusted)
     frames = body_frames(parts, positions, np.ones_like(trusted), positions)
@@ -125,18 +133,22 @@ def _body(take: Take, parts: BodyParts) -> tuple[Floats, Bools]:
 
 
 def _signals(bodies: list[tuple[Floats, Bools]], part: str, params: Params, rng: np.random.Generator) -> Floats:
-    """Windows (N, L·3m) of a part without a hole, drawn at random from all takes."""
+    """Return complete windows (N, L·3m) of a part, drawn at random from all takes.
+
+    bodies: positions (F, m, 3) of the part's markers and the frames (F,) in which all of them are usable.
+    """
     length = params.window
+    # First frames of the complete windows of each take: those with ``length`` usable frames from there on
     first = []
     for positions, usable in bodies:
         count = np.concatenate(([0], np.cumsum(usable)))
-        whole = count[length:] - count[:-length] == length if len(positions) >= length else np.zeros(0, dtype=bool)
-        first.append(np.flatnonzero(whole))
+        complete = count[length:] - count[:-length] == length if len(positions) >= length else np.zeros(0, dtype=bool)
+        first.append(np.flatnonzero(complete))
     total = sum(map(len, first))
     if not total:
         raise UsageError(f"the training takes must hold {length} frames in a row in which all of {part} is trusted.")
     drawn = np.sort(rng.choice(total, min(params.windows, total), replace=False))
-    bounds = np.cumsum([0, *map(len, first)])
+    bounds = np.cumsum([0, *map(len, first)])  # of each take in the numbers drawn
     return np.concatenate(
         [
             windows.cut(positions.reshape(len(positions), -1), f[drawn[(drawn >= low) & (drawn < high)] - low], length)
@@ -148,24 +160,27 @@ def _signals(bodies: list[tuple[Floats, Bools]], part: str, params: Params, rng:
 def _learn(
     signals: Floats, n_markers: int, params: Params, rng: np.random.Generator, tick: Callable[[], None]
 ) -> Floats:
+    """Return the atoms (K, L·3m) of a part from its windows (N, L·3m)."""
+    # RMS norm 1
     scale = float(np.sqrt(np.mean(np.sum(signals**2, axis=1)))) or 1.0
     signals = signals / scale
     n_atoms = max(min(params.atoms, len(signals) // _SIGNALS_PER_ATOM), 1)
     atoms = ksvd(signals, n_atoms, params.sparsity, params.sweeps, rng, tick)
     for _ in range(params.hole_passes):
-        holes = np.zeros((_PATTERNS, n_markers), dtype=bool)
-        for row in holes:
+        hidden_markers = np.zeros((_HIDDEN_SETS, n_markers), dtype=bool)
+        for row in hidden_markers:
             row[rng.choice(n_markers, round(params.hole_share * n_markers), replace=False)] = True
-        hidden = np.tile(np.repeat(holes, 3, axis=1), params.window)
-        pattern = rng.integers(len(holes), size=len(signals))
-        atoms = learn_holes(atoms, signals, hidden, pattern, params.sparsity, params.hole_weight)
+        hidden = np.tile(np.repeat(hidden_markers, 3, axis=1), params.window)
+        pattern = rng.integers(len(hidden_markers), size=len(signals))
+        atoms = learn_with_hidden_entries(atoms, signals, hidden, pattern, params.sparsity, params.hole_weight)
         tick()
-    return scale * prototypes(atoms, signals, params.sparsity)
+    return scale * scaled_to_use(atoms, signals, params.sparsity)
 
 
 def _poses(bodies: list[tuple[Floats, Bools]], params: Params, rng: np.random.Generator) -> Floats:
-    whole = np.concatenate([positions[usable.all(axis=1)] for positions, usable in bodies])
-    if not len(whole):
+    """Return complete poses (P, M, 3), drawn at random from all takes."""
+    complete = np.concatenate([positions[usable.all(axis=1)] for positions, usable in bodies])
+    if not len(complete):
         raise UsageError("the training takes must hold a frame in which all markers are trusted.")
-    drawn = np.sort(rng.choice(len(whole), min(params.poses, len(whole)), replace=False))
-    return whole[drawn]
+    drawn = np.sort(rng.choice(len(complete), min(params.poses, len(complete)), replace=False))
+    return complete[drawn]

@@ -1,4 +1,4 @@
-"""Numbers that judge a repair: arrays in, numbers out."""
+"""Errors of positions, coverage of intervals, and lengths of bones: arrays in, numbers out."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,14 +8,18 @@ from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats
 
-GRADES = ("good", "fair", "poor")
-LENGTH_CLASSES = (10, 30, 60, 120)
-INTERVAL_90 = 1.645  # standard deviations to both sides that hold 90 % of a normal distribution
+GRADES = ("good", "fair", "poor")  # of a fill, by its expected error
+LENGTH_CLASSES = (10, 30, 60, 120)  # frames, the longest gap of each class but the last; chosen by hand, 1 s at 120 Hz
+INTERVAL_90 = 1.645  # standard deviations on each side of the mean that contain 90 % of a normal distribution
 
 
 @dataclass(frozen=True, kw_only=True)
 class Error:
-    """The error of some samples in millimetres: per coordinate, 3D (√3 times larger), and the largest 3D distance."""
+    """The error of samples, mm.
+
+    rmse: root mean square over coordinates. rmse_3d: root mean square of the distance in space, √3 times larger.
+    largest: the largest distance.
+    """
 
     samples: int
     rmse: float
@@ -24,10 +28,9 @@ class Error:
 
 
 def error(truth: Floats, positions: Floats, where: Bools) -> Error | None:
-    """The error of ``positions`` (F, M, 3) against ``truth`` over the samples ``where`` (F, M); None without any.
+    """Return the error of ``positions`` (F, M, 3) against ``truth`` over samples ``where`` (F, M); None without any.
 
-    ``rmse`` is the root of the mean over all coordinates of those samples (Hu et al. 2017; Imamura & Okuda 2018,
-    eq. 23), ``rmse_3d`` the root of the mean squared distance.
+    ``rmse`` is that of W. Hu et al., 2017, and of I. Imamura, M. Okuda, 2018, eq. 23.
     """
     if not where.any():
         return None
@@ -38,24 +41,25 @@ def error(truth: Floats, positions: Floats, where: Bools) -> Error | None:
 
 
 def expected_error(sd: Floats) -> float | None:
-    """The 3D error to expect of samples whose coordinates have these standard deviations, mm; NaN does not count.
+    """Return the expected 3D error, mm, of samples whose coordinates have these standard deviations.
 
-    The root of the mean of 3 sd², which is what ``Error.rmse_3d`` estimates; None where nothing counts.
+    It is the root of the mean of 3 sd², the quantity that ``Error.rmse_3d`` estimates. NaN does not count; None without
+    a number.
     """
     known = sd[~np.isnan(sd)]
     return float((3.0 * (known**2).mean()) ** 0.5) if known.size else None
 
 
-def coverage(misses: Floats, sd: Floats) -> float | None:
-    """The share of the coordinates of misses (n, 3) within the 90 % interval of their sd (n,); None without any."""
-    return float((np.abs(misses) <= INTERVAL_90 * sd[:, None]).mean()) if misses.size else None
+def coverage(errors: Floats, sd: Floats) -> float | None:
+    """Return the share of coordinates of errors (n, 3) within 1.645 sd (n,), the 90 % interval; None without any."""
+    return float((np.abs(errors) <= INTERVAL_90 * sd[:, None]).mean()) if errors.size else None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Length:
-    """A bone's length over the frames in which both ends are known, mm; None where no frame has both.
+    """The length of a bone over the frames in which both ends are known, mm; None without such a frame.
 
-    deviation: the largest difference from the reference length.
+    deviation: the largest absolute difference from the reference length.
     """
 
     frames: int
@@ -65,10 +69,13 @@ class Length:
 
 
 def bone_lengths(positions: Floats, known: Bools, ends: NDArray[np.intp], references: Floats) -> list[Length]:
-    """Measure each bone, given as marker indices (B, 2) and reference lengths (B,) in mm."""
+    """Return the length of each bone in positions (F, M, 3), mm.
+
+    known: (F, M). ends: marker indices (B, 2). references: the reference lengths (B,), mm.
+    """
     rows = []
     for (a, b), reference in zip(ends, references, strict=True):
-        length = _length(positions, known, a, b)
+        length = _known_lengths(positions, known, a, b)
         if length.size:
             deviation = float(np.abs(length - reference).max())
             mean, sd = float(length.mean()), float(length.std())
@@ -79,26 +86,28 @@ def bone_lengths(positions: Floats, known: Bools, ends: NDArray[np.intp], refere
 
 
 def skeleton_rmse(positions: Floats, known: Bools, ends: NDArray[np.intp], references: Floats) -> float | None:
-    """Tan et al. 2015, eq. 25, mm: the RMS over frames and bones of length minus reference.
+    """Return the RMS over frames and bones of length minus reference, mm: C.-H. Tan et al., 2015, eq. 25.
 
-    The printed formula lacks the sum over frames. A bone with an unknown end in a frame does not count in it.
+    The printed formula lacks the sum over frames. A bone does not count in frames in which an end is unknown. Arguments
+    are those of ``bone_lengths``; None where no bone counts.
     """
     squares, count = 0.0, 0
     for (a, b), reference in zip(ends, references, strict=True):
-        length = _length(positions, known, a, b)
+        length = _known_lengths(positions, known, a, b)
         squares += float(((length - reference) ** 2).sum())
         count += length.size
     return float((squares / count) ** 0.5) if count else None
 
 
-def _length(positions: Floats, known: Bools, a: int, b: int) -> Floats:
+def _known_lengths(positions: Floats, known: Bools, a: int, b: int) -> Floats:
+    """Return the distances (n,) of markers a and b in the frames in which both are known."""
     both = known[:, a] & known[:, b]
     length: Floats = np.linalg.norm(positions[both, a] - positions[both, b], axis=1)
     return length
 
 
 def by_length(lengths: Sequence[int], limits: Sequence[int] = LENGTH_CLASSES) -> list[tuple[str, NDArray[np.intp]]]:
-    """Group gaps by length in frames: (name of the class, indices of its gaps), empty classes left out."""
+    """Return the gaps grouped by length in frames: (name of the class, indices of its gaps), without empty classes."""
     lows = [1, *(limit + 1 for limit in limits)]
     names = [*(f"{low}-{high}" for low, high in zip(lows, limits, strict=False)), f"over {limits[-1]}"]
     classes = np.searchsorted(limits, lengths)

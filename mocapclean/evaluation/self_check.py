@@ -1,11 +1,10 @@
-"""What a method gets wrong on this very take: hide trusted samples as the real ones are lost, fill them, compare.
+"""The error of a method on trusted samples of the take itself, hidden in the pattern of its real gaps.
 
-Hidden is the take's own pattern of gaps, moved in time: the same markers, the same lengths, and what was lost together
-is hidden together. Gaps inside the take are shifted by a common number of frames, around its end if need be; gaps at
-one end go to the other end. A gap is hidden only where its marker is trusted all along and ``MARGIN`` frames beyond, so
-that it joins no other gap; of several shifts that one is taken which loses and meets the fewest gaps.
-All that is really missing stays missing while the method fills what is hidden. Nothing is drawn at random: the same
-take gives the same answer.
+The real gaps are copied to other times: the same markers, the same lengths, and gaps that overlap in time still do.
+Gaps inside the take are shifted by a common number of frames, modulo its length; gaps at one end move to the other end.
+A copy is hidden only where its marker is trusted, and ``MARGIN`` frames beyond, so that it does not join another gap.
+Of several shifts the one is used that keeps most gaps, away from other gaps. The real gaps stay missing while the
+method fills the hidden ones. Nothing is random: the same take always has the same result.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.arrays import Bools, Floats, column_runs
+from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
 from mocapclean.parameters import STRICT, About
@@ -27,11 +26,12 @@ from mocapclean.take import Solution, Take
 Gaps = NDArray[np.intp]
 """Gaps as rows (marker, start, stop), half open."""
 
-MARGIN = 2
-SHIFTS = 24
-COPIES = 8
-WINDOWS = 16
-GOLDEN = (5**0.5 - 1) / 2  # its multiples, less their whole parts, are spread evenly however many are taken
+MARGIN = 2  # frames between a hidden gap and the next gap or the end of the take; chosen by hand
+SHIFTS = 24  # shifts that are compared for one copy of the pattern; chosen by hand, no sweep was kept
+COPIES = 8  # most copies of the pattern that are hidden, the first of gaps at the ends; chosen by hand
+SEGMENTS = 16  # parts of equal length that a take is divided into, to spread the hidden gaps over it; chosen by hand
+# The fractional parts of its multiples are evenly spread over 0 to 1 for any number of them (the golden ratio less 1).
+GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -53,9 +53,11 @@ class Params:
 
 
 @plain_dataclass(frozen=True, kw_only=True)
-class Check:
-    """Hidden gaps and the samples in them; the error of those that were filled; covered: the share of their
-    coordinates within the method's own 90 % intervals, or None if it gives none.
+class HiddenGaps:
+    """The result of a method on hidden gaps.
+
+    gaps, samples: their number, and that of the samples in them. error: over the samples that were filled; None without
+    any. covered: the share of their coordinates within the method's own 90 % intervals; None without intervals.
     """
 
     gaps: int = 0
@@ -66,14 +68,14 @@ class Check:
 
 @plain_dataclass(frozen=True, kw_only=True)
 class SelfCheck:
-    """What a method got wrong on hidden samples of the take itself, in all and by length of gap.
+    """The errors of a method on hidden samples of a take: in total, and by length of gap.
 
-    because: why there is no answer, or "".
+    because: the reason where nothing was measured, or "".
     """
 
     rounds: int = 0
-    total: Check = Check()
-    by_length: Mapping[str, Check] = field(default_factory=dict)
+    total: HiddenGaps = HiddenGaps()
+    by_length: Mapping[str, HiddenGaps] = field(default_factory=dict)
     because: str = ""
 
 
@@ -84,137 +86,153 @@ def check(
     params: Params,
     leave: Callable[[float | None], bool] = lambda expected: False,
 ) -> SelfCheck:
-    """The errors of a method on trusted samples of the take that it was not shown.
+    """Return the errors of a method on trusted samples of the take that were hidden from it.
 
-    wanted: (F, M) the samples whose gaps are to be imitated. solve: the method, asked for the gaps of
-    samples (F, M). leave: whether a gap of this expected 3D error, mm, would be left unfilled. Where nothing can be
-    hidden, the answer says why. Raises what solve raises.
+    wanted: (F, M), the samples whose gaps are copied. solve: the method, given the take and the samples (F, M) to fill.
+    leave: whether a gap of this expected 3D error, mm, would be left unfilled; such gaps are not judged. Where nothing
+    can be hidden, the result has the reason. Raises what ``solve`` raises.
     """
-    pattern = _pattern(take, wanted)
-    found: list[_Trial] = []
+    pattern = _gap_pattern(take, wanted)
+    filled: list[_FilledGap] = []
     for turn in range(params.rounds):
         hidden = hide(take, wanted, params, turn)
         if not hidden.any():
             break
         solution = solve(replace(take, trusted=take.trusted & ~hidden), hidden)
-        found += _trials(take, hidden, solution, leave)
-    if not found:
+        filled += _filled_gaps(take, hidden, solution, leave)
+    if not filled:
         reason = f"none of the {len(pattern)} gaps fits where its marker is trusted"
         return SelfCheck(because=reason if len(pattern) else "there is no gap to fill of a marker that is seen")
-    return SelfCheck(rounds=params.rounds, total=_pooled(found), by_length=_by_length(pattern, found))
+    return SelfCheck(rounds=params.rounds, total=_pooled(filled), by_length=_by_length(pattern, filled))
 
 
 def hide(take: Take, wanted: Bools, params: Params, turn: int = 0) -> Bools:
-    """Trusted samples (F, M) to hide; another turn hides others."""
-    pattern = _pattern(take, wanted)
-    room = _room(take, pattern, params)
+    """Return trusted samples (F, M) to hide, in copies of the gaps of ``wanted`` (F, M); each turn has others."""
+    pattern = _gap_pattern(take, wanted)
+    budget = _sample_budget(take, pattern, params)
     hidden = np.zeros_like(take.trusted)
-    ends, *copies = _copies(pattern, len(hidden), turn)
+    at_ends, *shifted = _copied_patterns(pattern, len(hidden), turn)
     for k in range(COPIES):
-        gaps = _best([ends] if k == 0 else copies, ~take.trusted | hidden)
-        for marker, start, stop in _portion(gaps, room, len(hidden), whole=not hidden.any()):
+        gaps = _best_copy([at_ends] if k == 0 else shifted, ~take.trusted | hidden)
+        for marker, start, stop in _within_budget(gaps, budget, len(hidden), first_copy=not hidden.any()):
             hidden[start:stop, marker] = True
     return hidden
 
 
-def _pattern(take: Take, wanted: Bools) -> Gaps:
-    """The real gaps that are to be filled, of markers that are trusted somewhere."""
-    seen: Bools = np.asarray(take.trusted.any(axis=0))
-    gaps = [gap for gap in column_runs(~take.trusted) if seen[gap[0]] and wanted[gap[1], gap[0]]]
+def _gap_pattern(take: Take, wanted: Bools) -> Gaps:
+    """Return the real gaps that are to be filled, of markers that are trusted in some frame."""
+    is_seen: Bools = np.asarray(take.trusted.any(axis=0))
+    gaps = [gap for gap in column_runs(~take.trusted) if is_seen[gap[0]] and wanted[gap[1], gap[0]]]
     return np.array(gaps, dtype=np.intp).reshape(-1, 3)
 
 
-def _room(take: Take, pattern: Gaps, params: Params) -> Floats:
-    """How many samples to hide in gaps of each class of length: of all that are hidden, its share of the real loss."""
-    lost = np.bincount(_classes(pattern), _lengths(pattern), minlength=len(metrics.LENGTH_CLASSES) + 1)
+def _sample_budget(take: Take, pattern: Gaps, params: Params) -> Floats:
+    """Return the number of samples to hide in gaps of each length class.
+
+    The total is the number of missing samples, within the limits of the parameters; a class has its share of these.
+    """
+    lost = np.bincount(_length_classes(pattern), _lengths(pattern), minlength=len(metrics.LENGTH_CLASSES) + 1)
     n_trusted, n_lost = take.trusted.sum(), lost.sum()
     most = min(params.most * n_trusted, params.gaps * n_lost / max(len(pattern), 1))
     goal = min(max(n_lost, params.least * n_trusted), most)
     return np.asarray(goal * lost / max(n_lost, 1))
 
 
-def _classes(gaps: Gaps) -> NDArray[np.intp]:
+def _length_classes(gaps: Gaps) -> Ints:
+    """Return the class of each gap's length, as an index into ``metrics.LENGTH_CLASSES``."""
     return np.asarray(np.searchsorted(metrics.LENGTH_CLASSES, _lengths(gaps)), dtype=np.intp)
 
 
-def _lengths(gaps: Gaps) -> NDArray[np.intp]:
+def _lengths(gaps: Gaps) -> Ints:
+    """Return the length of each gap in frames."""
     return np.asarray(gaps[:, 2] - gaps[:, 1])
 
 
-def _copies(pattern: Gaps, n_frames: int, turn: int) -> Iterator[Gaps]:
-    """The gaps at the ends of the take at the other end; then all others, as each shift places them."""
+def _copied_patterns(pattern: Gaps, n_frames: int, turn: int) -> Iterator[Gaps]:
+    """Yield the gaps at the ends of the take, moved to the other end; then all other gaps, once for each shift."""
     at_end = (pattern[:, 1] == 0) | (pattern[:, 2] == n_frames)
     marker, start, stop = pattern[at_end].T
     yield np.column_stack([marker, n_frames - stop, n_frames - start])
     marker, start, stop = pattern[~at_end].T
     for k in range(turn * SHIFTS, (turn + 1) * SHIFTS):
-        first = (start + int(n_frames * ((k + 1) * GOLDEN % 1.0))) % n_frames
-        last = first + stop - start
-        inside = (first >= MARGIN) & (last + MARGIN <= n_frames)
-        yield np.column_stack([marker, first, last])[inside]
+        shifted_start = (start + int(n_frames * ((k + 1) * GOLDEN_RATIO % 1.0))) % n_frames
+        shifted_stop = shifted_start + stop - start
+        inside = (shifted_start >= MARGIN) & (shifted_stop + MARGIN <= n_frames)
+        yield np.column_stack([marker, shifted_start, shifted_stop])[inside]
 
 
-def _best(copies: Sequence[Gaps], taken: Bools) -> Gaps:
-    """The gaps of one copy that have no taken sample (F, M) in them or within the margin: of the copy with the most.
+def _best_copy(copies: Sequence[Gaps], unavailable: Bools) -> Gaps:
+    """Return the possible gaps of the copy that has most samples in them.
 
-    Samples in frames in which nothing is taken count twice.
+    A gap is possible without an unavailable sample (F, M) in it and within the margin around it. Samples count twice in
+    frames without an unavailable sample.
     """
-    before = np.concatenate([np.zeros_like(taken[:1], dtype=np.intp), taken.cumsum(axis=0)])
-    calm = np.concatenate([[0], (~taken.any(axis=1)).cumsum()])
+    # Running sums: of unavailable samples of each marker, and of frames without any
+    unavailable_before = np.concatenate([np.zeros_like(unavailable[:1], dtype=np.intp), unavailable.cumsum(axis=0)])
+    complete_before = np.concatenate([[0], (~unavailable.any(axis=1)).cumsum()])
+    n_frames = len(unavailable)
 
-    def free(gaps: Gaps) -> Gaps:
-        marker, low, high = gaps[:, 0], np.maximum(gaps[:, 1] - MARGIN, 0), np.minimum(gaps[:, 2] + MARGIN, len(taken))
-        untaken: Gaps = gaps[before[high, marker] == before[low, marker]]
-        return untaken
+    def possible(gaps: Gaps) -> Gaps:
+        marker, low, high = gaps[:, 0], np.maximum(gaps[:, 1] - MARGIN, 0), np.minimum(gaps[:, 2] + MARGIN, n_frames)
+        kept: Gaps = gaps[unavailable_before[high, marker] == unavailable_before[low, marker]]
+        return kept
 
-    return max(map(free, copies), key=lambda gaps: (_lengths(gaps) + calm[gaps[:, 2]] - calm[gaps[:, 1]]).sum())
+    def score(gaps: Gaps) -> int:
+        return int((_lengths(gaps) + complete_before[gaps[:, 2]] - complete_before[gaps[:, 1]]).sum())
+
+    return max(map(possible, copies), key=score)
 
 
-def _portion(gaps: Gaps, room: Floats, n_frames: int, *, whole: bool) -> Iterator[Gaps]:
-    """Gaps while there is room for their class of length; those of one stretch of time together, the stretches spread.
+def _within_budget(gaps: Gaps, budget: Floats, n_frames: int, *, first_copy: bool) -> Iterator[Gaps]:
+    """Yield gaps until the budget of their length class is spent, segment by segment of the take.
 
-    room: samples for each class, taken up as gaps are; the last gap may be larger. whole: have the first stretch even
-    without room, so that what was lost together stays so.
+    The order of the segments is spread over the take, and the gaps of one segment follow each other, so that gaps that
+    overlap in time stay together. budget: samples of each class, reduced by each gap; the last gap may exceed it.
+    first_copy: yield the whole first segment whatever the budget.
     """
-    window, classes = gaps[:, 1] * WINDOWS // n_frames, _classes(gaps)
-    order = np.lexsort((gaps[:, 1], (window + 1) * GOLDEN % 1.0))
+    segment, classes = gaps[:, 1] * SEGMENTS // n_frames, _length_classes(gaps)
+    order = np.lexsort((gaps[:, 1], (segment + 1) * GOLDEN_RATIO % 1.0))
     for k in order:
-        if room[classes[k]] > 0 or (whole and window[k] == window[order[0]]):
-            room[classes[k]] -= gaps[k, 2] - gaps[k, 1]
+        if budget[classes[k]] > 0 or (first_copy and segment[k] == segment[order[0]]):
+            budget[classes[k]] -= gaps[k, 2] - gaps[k, 1]
             yield gaps[k]
 
 
-class _Trial(NamedTuple):
-    """A hidden gap: its length, and the misses (n, 3) and sd (n,) of what was filled of it, mm."""
+class _FilledGap(NamedTuple):
+    """A hidden gap: its length in frames, and the errors (n, 3) and sd (n,) of its filled samples, mm."""
 
     length: int
-    misses: Floats
+    errors: Floats
     sd: Floats | None
 
 
-def _trials(take: Take, hidden: Bools, solution: Solution, leave: Callable[[float | None], bool]) -> Iterator[_Trial]:
+def _filled_gaps(
+    take: Take, hidden: Bools, solution: Solution, leave: Callable[[float | None], bool]
+) -> Iterator[_FilledGap]:
+    """Yield the hidden gaps with the errors of a solution; without errors if the gap would be left unfilled."""
     for marker, start, stop in column_runs(hidden):
         span = (slice(start, stop), marker)
         filled = solution.filled[span]
         sd = None if solution.sd is None else solution.sd[span][filled]
         kept = slice(0) if sd is not None and leave(metrics.expected_error(sd)) else slice(None)
-        misses = (solution.positions[span] - take.positions[span])[filled]
-        yield _Trial(stop - start, misses[kept], None if sd is None else sd[kept])
+        errors = (solution.positions[span] - take.positions[span])[filled]
+        yield _FilledGap(stop - start, errors[kept], None if sd is None else sd[kept])
 
 
-def _pooled(trials: Sequence[_Trial]) -> Check:
-    misses = np.concatenate([trial.misses for trial in trials])
-    known = [trial.sd for trial in trials if trial.sd is not None]
-    return Check(
-        gaps=len(trials),
-        samples=sum(trial.length for trial in trials),
-        error=metrics.error(np.zeros_like(misses), misses, np.ones(len(misses), dtype=bool)),
-        covered=metrics.coverage(misses, np.concatenate(known)) if known else None,
+def _pooled(gaps: Sequence[_FilledGap]) -> HiddenGaps:
+    """Return the result over all samples of some gaps."""
+    errors = np.concatenate([gap.errors for gap in gaps])
+    sd = [gap.sd for gap in gaps if gap.sd is not None]
+    return HiddenGaps(
+        gaps=len(gaps),
+        samples=sum(gap.length for gap in gaps),
+        error=metrics.error(np.zeros_like(errors), errors, np.ones(len(errors), dtype=bool)),
+        covered=metrics.coverage(errors, np.concatenate(sd)) if sd else None,
     )
 
 
-def _by_length(pattern: Gaps, trials: Sequence[_Trial]) -> dict[str, Check]:
-    """One entry for each class that the real gaps have, also where no gap of it was hidden."""
+def _by_length(pattern: Gaps, gaps: Sequence[_FilledGap]) -> dict[str, HiddenGaps]:
+    """Return the result of each length class that the real gaps have; 0 gaps where none of it was hidden."""
     names = [name for name, _ in metrics.by_length(_lengths(pattern).tolist())]
-    classes = {name: [trials[k] for k in members] for name, members in metrics.by_length([t.length for t in trials])}
-    return {name: _pooled(classes[name]) if name in classes else Check() for name in names}
+    classes = {name: [gaps[k] for k in members] for name, members in metrics.by_length([g.length for g in gaps])}
+    return {name: _pooled(classes[name]) if name in classes else HiddenGaps() for name in names}

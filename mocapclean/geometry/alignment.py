@@ -1,121 +1,112 @@
-"""Frames of reference that travel with a body segment, from markers that are more or less rigid to it."""
+"""Alignment of point sets by rotation and translation, and frames of reference from it.
+
+Aligning many shapes with their own mean is generalised Procrustes analysis: J. C. Gower, 1975, doi:10.1007/BF02291478.
+Aligning one shape with another is W. Kabsch's problem, 1976, doi:10.1107/S0567739476001873.
+"""
 
 import numpy as np
 
-from mocapclean.arrays import Floats, evenly_spaced
+from mocapclean.arrays import Bools, Floats, evenly_spaced
 from mocapclean.geometry.body_frames import BodyFrames
+from mocapclean.geometry.rotations import fit_rotations, fit_rotations_by_svd
+from mocapclean.numerics import interpolation
 
-_SAMPLE = 100
-_ROUNDS = 2
-_TURNS = 60
-_MOVED = 1e-9  # of λ, which is between 1 and √3; the step after this one would be its square
-_FLAT = 1e-5  # (σ₁ + σ₂)(σ₂ + σ₃)(σ₃ + σ₁)
+# Most frames that the mean shape of a segment is taken over, and rounds of Procrustes analysis for it. Chosen by hand
+# for speed, no sweep was kept; few suffice, as a segment is nearly rigid.
+_SEGMENT_SAMPLE = 100
+_SEGMENT_ROUNDS = 2
+# The same rounds for a whole body, which is not rigid; chosen by hand, no sweep was kept.
+_BODY_ROUNDS = 30
 
 
 def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> list[BodyFrames]:
-    """For each row of weights (v, q) the frames (n) that lay points (n, q, 3) on their mean shape, by least squares.
+    """Return, for each row of weights (v, q), the frames (n) that align a mean shape with points (n, q, 3).
 
-    The mean shape is that of up to 100 of the first ``n_learnt`` frames, laid on each other (J. C. Gower, 1975,
-    doi:10.1007/BF02291478); all frames are then laid on it (W. Kabsch, 1976, doi:10.1107/S0567739476001873).
+    The alignment is a weighted least squares. The mean shape is that of up to 100 of the first ``n_learnt`` frames,
+    aligned with each other.
     """
     shares = weights / weights.sum(axis=1, keepdims=True)
-    middle = points.mean(axis=1, keepdims=True)
-    offsets = points - middle
-    sample = offsets[evenly_spaced(n_learnt, _SAMPLE)]
-    beside = sample.transpose(1, 0, 2).reshape(points.shape[1], -1)
+    centroids = points.mean(axis=1, keepdims=True)
+    offsets = points - centroids
+    sample = offsets[evenly_spaced(n_learnt, _SEGMENT_SAMPLE)]
+    points_of_frames = sample.transpose(1, 0, 2).reshape(points.shape[1], -1)
+    # Procrustes rounds from the middle frame: align the sample with the shape, then average it in the shape's frame.
     shapes = _centred(np.repeat(sample[None, len(sample) // 2], len(shares), axis=0), shares)
-    for _ in range(_ROUNDS):
-        turns = _laid(sample, shapes, shares)
-        shapes = _centred(np.matmul(beside, turns.reshape(len(shares), 3 * len(sample), 3)) / len(sample), shares)
-    origins = (middle + np.matmul(shares, offsets)).swapaxes(0, 1)
-    return [BodyFrames(*each) for each in zip(_laid(offsets, shapes, shares).swapaxes(2, 3), origins, strict=True)]
+    for _ in range(_SEGMENT_ROUNDS):
+        rotations = _alignments(sample, shapes, shares).reshape(len(shares), 3 * len(sample), 3)
+        shapes = _centred(np.matmul(points_of_frames, rotations) / len(sample), shares)
+    origins = (centroids + np.matmul(shares, offsets)).swapaxes(0, 1)
+    axes = _alignments(offsets, shapes, shares).swapaxes(2, 3)
+    return [BodyFrames(*each) for each in zip(axes, origins, strict=True)]
 
 
 def _centred(shapes: Floats, shares: Floats) -> Floats:
-    """Shapes (v, q, 3) about their middles weighted by shares (v, q)."""
+    """Return shapes (v, q, 3) less their centroids under weights of sum 1 (v, q)."""
     return np.asarray(shapes - np.einsum("vq,vqc->vc", shares, shapes)[:, None])
 
 
-def _laid(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
-    """The rotations (v, n, 3, 3) that lay shapes (v, q, 3), centred, on offsets (n, q, 3)."""
+def _alignments(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
+    """Return the rotations (v, n, 3, 3) that align centred shapes (v, q, 3) with offsets (n, q, 3)."""
     n, n_points, _ = offsets.shape
+    # H = Σ_q w_q x_q s_qᵀ of every frame and shape, in one product
     weighted = (shapes * shares[..., None]).swapaxes(0, 1).reshape(n_points, -1)
     moments = (offsets.swapaxes(1, 2).reshape(-1, n_points) @ weighted).reshape(n, 3, len(shapes), 3)
-    return rotations(moments.transpose(2, 0, 1, 3).reshape(-1, 3, 3)).reshape(len(shapes), n, 3, 3)
+    return fit_rotations(moments.transpose(2, 0, 1, 3).reshape(-1, 3, 3)).reshape(len(shapes), n, 3, 3)
 
 
-def lay(shape: Floats, seen: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """The rotations (3, 3, b, F) and centres (3, b, F) that lay shapes (3, b, K) on what is seen (3, b, F, K)."""
+def align_shapes(shape: Floats, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:
+    """Return the rotations (3, 3, b, F) and centroids (3, b, F) that align shapes (3, b, K) with positions.
+
+    positions: (3, b, F, K). weights: (b, K), those of the least squares. The centroids are the weighted means of the
+    positions.
+    """
     share = weights / weights.sum(axis=1, keepdims=True)
     model = share * (shape - (share * shape).sum(axis=2, keepdims=True))
-    centre = (seen @ share[..., None])[..., 0]
-    moments = (seen - centre[..., None]) @ np.moveaxis(model, 0, 2)
-    turn = rotations(np.moveaxis(moments, 0, 2).reshape(-1, 3, 3))
-    return np.moveaxis(turn, 0, 2).reshape(3, 3, *moments.shape[1:3]), centre
+    centroid = (positions @ share[..., None])[..., 0]
+    moments = (positions - centroid[..., None]) @ np.moveaxis(model, 0, 2)
+    rotations = fit_rotations(np.moveaxis(moments, 0, 2).reshape(-1, 3, 3))
+    return np.moveaxis(rotations, 0, 2).reshape(3, 3, *moments.shape[1:3]), centroid
 
 
-def rotations(moments: Floats) -> Floats:
-    """The rotations R (n, 3, 3), det R = 1, that maximise tr(Rᵀ H) for matrices H (n, 3, 3).
+def carry_points(shapes: Floats, positions: Floats, weights: Floats, points: Floats) -> Floats:
+    """Return points (n, 3) moved along with shapes (n, T, 3) that are aligned with positions (n, T, 3).
 
-    F. L. Markley, 1993, Attitude determination using vector observations: a fast optimal matrix algorithm: with the
-    largest root λ of (λ² − ‖H‖²)² − 8 λ det H − 4 ‖cof H‖² = 0, which is max tr(Rᵀ H),
-
-        R = ((κ + ‖H‖²) H + λ cof H − H Hᵀ H) / (κ λ − det H),   κ = (λ² − ‖H‖²) / 2.
-
-    Newton's iteration finds λ from above. A last step of N. J. Higham's, 1986, doi:10.1137/0907079, takes away what
-    rounding left. Where H is near rank 1 the formula loses its digits and the singular vectors serve; R is then one of
-    many.
-    """
-    size = np.sqrt(np.einsum("nij,nij->n", moments, moments))
-    unit = np.ascontiguousarray(np.moveaxis(moments, 0, 2)) / np.where(size > 0.0, size, 1.0)
-    cofactors = _cofactors(unit)
-    determinant, minors = np.einsum("jn,jn->n", unit[0], cofactors[0]), np.einsum("ijn,ijn->n", cofactors, cofactors)
-    most = np.full(len(size), np.sqrt(3.0))
-    for _ in range(_TURNS):
-        excess = most * most - 1.0
-        slope = 4.0 * most * excess - 8.0 * determinant
-        step = (excess * excess - 8.0 * most * determinant - 4.0 * minors) / np.maximum(slope, _FLAT)
-        most -= step
-        if np.all((step < _MOVED) | (slope < 8.0 * _FLAT)):
-            break
-    kappa = 0.5 * (most * most - 1.0)
-    denominator = kappa * most - determinant
-    flat = denominator < _FLAT
-    cube = np.einsum("ikn,kln->iln", np.einsum("ijn,kjn->ikn", unit, unit), unit)
-    found = ((kappa + 1.0) * unit + most * cofactors - cube) / np.where(flat, 1.0, denominator)
-    turned: Floats = np.moveaxis(0.5 * (found + _cofactors(found)), 2, 0)
-    if flat.any():
-        turned[flat] = rotations_by_svd(moments[flat])
-    return turned
-
-
-def rotations_by_svd(moments: Floats) -> Floats:
-    """Return the rotations R (n, 3, 3), det R = 1, that maximise tr(Rᵀ H) for matrices H (n, 3, 3).
-
-    From the singular vectors of H; W. Kabsch, 1976, doi:10.1107/S0567739476001873. ``rotations`` is several times
-    faster and answers with these where H is near rank 1.
-    """
-    left, _, right = np.linalg.svd(moments)
-    left[..., -1] *= np.sign(np.linalg.det(left @ right))[:, None]
-    return np.asarray(left @ right)
-
-
-def _cofactors(matrices: Floats) -> Floats:
-    """The cofactors (3, 3, n) of matrices (3, 3, n)."""
-    found = np.empty_like(matrices)
-    for i in range(3):
-        (x, y, z), (u, v, w) = matrices[i - 2], matrices[i - 1]
-        found[i, 0], found[i, 1], found[i, 2] = y * w - z * v, z * u - x * w, x * v - y * u
-    return found
-
-
-def register(shape: Floats, seen: Floats, weights: Floats, points: Floats) -> Floats:
-    """Points (n, 3) of shapes (n, T, 3) after laying each on what is seen of it (n, T, 3), by weighted least squares.
-
-    W. Kabsch, 1976, doi:10.1107/S0567739476001873.
+    weights: (n, T), those of the least squares. Each point is in the coordinates of its shape.
     """
     share = (weights / weights.sum(axis=1, keepdims=True))[..., None]
-    middle, centre = np.sum(share * shape, axis=1), np.sum(share * seen, axis=1)
-    turns = rotations_by_svd((share * (shape - middle[:, None])).swapaxes(1, 2) @ (seen - centre[:, None]))
-    turned: Floats = ((points - middle)[:, None] @ turns)[:, 0]
-    return np.asarray(turned + centre)
+    shape_centroid, centroid = np.sum(share * shapes, axis=1), np.sum(share * positions, axis=1)
+    moments = (share * (shapes - shape_centroid[:, None])).swapaxes(1, 2) @ (positions - centroid[:, None])
+    rotations = fit_rotations_by_svd(moments)
+    rotated: Floats = ((points - shape_centroid)[:, None] @ rotations)[:, 0]
+    return np.asarray(rotated + centroid)
+
+
+def mean_shape_frames(positions: Floats, trusted: Bools) -> BodyFrames:
+    """Return the frames (F) that align a take's mean shape with its trusted samples (F, M) of positions (F, M, 3).
+
+    Generalised Procrustes analysis of incomplete shapes alternates two steps: every frame is aligned with the mean
+    shape by its trusted samples alone, and the mean shape is that of the trusted samples in these frames. It starts
+    from the middle frame. A frame without a trusted sample has the axes and origin of the frame before it, or of the
+    first frame with one.
+    """
+    weights = trusted.astype(float)
+    known = np.where(trusted[..., None], positions, 0.0)
+    shape = interpolation.linear(positions, trusted)[len(positions) // 2]
+    count = np.maximum(weights.sum(axis=1, keepdims=True), 1.0)
+    centroids = known.sum(axis=1) / count
+    offsets = np.where(trusted[..., None], known - centroids[:, None], 0.0)
+    frames = BodyFrames(np.broadcast_to(np.eye(3), (len(weights), 3, 3)), centroids)
+    for _ in range(_BODY_ROUNDS):
+        # Align every frame with the shape; the centroid is that of the frame's trusted markers.
+        shape = shape - shape.mean(axis=0)
+        shape_centroids = weights @ shape / count
+        axes = fit_rotations_by_svd(np.einsum("fm,mi,fmj->fij", weights, shape, offsets, optimize=True))
+        frames = BodyFrames(axes, centroids - np.einsum("fij,fi->fj", axes, shape_centroids))
+        # Average the trusted samples in their frames.
+        local = np.where(trusted[..., None], frames.to_local(known), 0.0)
+        shape = local.sum(axis=0) / np.maximum(weights.sum(axis=0), 1.0)[:, None]
+    # The last frame with a trusted sample, or the first one at the beginning of the take
+    is_empty = np.asarray(~trusted.any(axis=1))
+    source = np.maximum.accumulate(np.where(is_empty, -1, np.arange(len(trusted))))
+    source = np.where(source < 0, np.argmin(is_empty), source)
+    return BodyFrames(frames.axes[source], frames.origins[source])

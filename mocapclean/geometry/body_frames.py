@@ -1,4 +1,4 @@
-"""Frames of reference that travel with a body: one for each frame of a take."""
+"""Frames of reference that move with a body: one for each frame of a take."""
 
 from dataclasses import dataclass
 
@@ -13,9 +13,9 @@ class BodyFrames:
     origins: Floats
 
     def to_local(self, positions: Floats) -> Floats:
-        """World positions (F, M, 3) as seen from the body."""
+        """Return world positions (F, M, 3) in the coordinates of the body."""
         return (positions - self.origins[:, None]) @ self.axes.swapaxes(1, 2)
 
     def to_world(self, positions: Floats) -> Floats:
-        """Body positions (F, M, 3) as seen from the world."""
+        """Return positions (F, M, 3) in the coordinates of the body as world positions."""
         return positions @ self.axes + self.origins[:, None]

@@ -1,1 +1,1 @@
-"""Numerical building blocks: arrays in, arrays out; they know no take, file or method."""
+"""Numerical building blocks: arrays in, arrays out, without takes, files or methods."""

@@ -1,4 +1,4 @@
-"""Interpolation of each coordinate over time, from the trusted samples alone."""
+"""Interpolation of each coordinate over time, from trusted samples alone."""
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -7,9 +7,10 @@ from mocapclean.arrays import Bools, Floats
 
 
 def linear(positions: Floats, trusted: Bools) -> Floats:
-    """Fill positions (F, M, 3) linearly between trusted (F, M) samples; the ends hold the nearest trusted sample.
+    """Return positions (F, M, 3) with untrusted samples interpolated linearly between trusted (F, M) samples.
 
-    A marker trusted nowhere becomes 0. Untrusted samples are not read.
+    Before the first and after the last trusted sample of a marker, that sample is repeated. A marker without trusted
+    samples becomes 0. Untrusted samples are not read.
     """
     filled = np.where(trusted[..., None], positions, 0.0)
     frames = np.arange(len(filled))
@@ -21,11 +22,11 @@ def linear(positions: Floats, trusted: Bools) -> Floats:
 
 
 def monotone(positions: Floats, trusted: Bools) -> Floats:
-    """Fill positions (F, M, 3) by monotone piecewise cubics (PCHIP) through the trusted (F, M) samples.
+    """Return positions (F, M, 3) with untrusted samples on monotone piecewise cubics through trusted (F, M) samples.
 
-    Samples outside the first and last trusted one, and markers trusted fewer than twice, become 0. Untrusted
-    samples are not read. F. N. Fritsch, R. E. Carlson, 1980, doi:10.1137/0717021; the slopes are those of
-    F. N. Fritsch, J. Butland, 1984, doi:10.1137/0905021.
+    The cubics are those of PCHIP: F. N. Fritsch, R. E. Carlson, 1980, doi:10.1137/0717021; their slopes those of
+    F. N. Fritsch, J. Butland, 1984, doi:10.1137/0905021. Samples before the first and after the last trusted one
+    become 0, and so do markers with fewer than two trusted samples. Untrusted samples are not read.
     """
     filled = np.where(trusted[..., None], positions, 0.0)
     frames = np.arange(len(filled))

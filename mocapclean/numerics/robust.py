@@ -1,4 +1,4 @@
-"""Statistics that a few wild values do not move."""
+"""Medians and quantiles of values with NaN, which a few outliers do not move."""
 
 import numpy as np
 
@@ -6,10 +6,11 @@ from mocapclean.arrays import Floats
 
 
 def nan_median(values: Floats, axis: int = 0) -> Floats:
-    """The median along one axis of what is not NaN; NaN where nothing is.
+    """Return the median along one axis over the entries that are not NaN; NaN where all entries are NaN.
 
-    As numpy.nanmedian, which takes about five times as long on the sizes met here.
+    The result is that of numpy.nanmedian, which takes about five times as long on arrays of marker distances.
     """
+    # Sorting moves NaN to the end; the middle of the finite part is one entry or the mean of two.
     ordered = np.sort(values, axis=axis)
     count = np.sum(~np.isnan(values), axis=axis, keepdims=True)
     low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[axis] - 1)
@@ -18,8 +19,9 @@ def nan_median(values: Floats, axis: int = 0) -> Floats:
 
 
 def nan_quantiles(values: Floats, shares: tuple[float, ...]) -> Floats:
-    """The quantiles (len(shares), n) over the rows of values (F, n) that are not NaN, to the next lower value; NaN
-    where nothing is.
+    """Return the quantiles (len(shares), n) of each column of values (F, n) over its entries that are not NaN.
+
+    A quantile between two entries is the lower of them. Columns without a finite entry have NaN.
     """
     ordered = np.sort(values, axis=0)
     count = np.sum(~np.isnan(values), axis=0)

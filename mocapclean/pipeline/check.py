@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from pathlib import Path
 from time import perf_counter
 
@@ -18,7 +17,7 @@ from mocapclean.pipeline.outcome import Breach, Verdict
 from mocapclean.pipeline.prepare import prepare
 from mocapclean.pipeline.summary import bone_reports
 from mocapclean.take import Take
-from mocapclean.take.bones import subject_of
+from mocapclean.take.names import matching_columns
 
 
 @dataclass(frozen=True)
@@ -127,7 +126,7 @@ def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: Li
 
 def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLimits) -> Iterator[Breach]:
     """Yield the breaches of limits on the markers that a pattern matches."""
-    columns = _columns(take, pattern)
+    columns = matching_columns(pattern, take.markers)
     if not columns:
         message = f"no marker is called {pattern}, which has limits of its own"
         yield Breach(limit="markers", marker=pattern, message=message, advice="correct the name in check.markers")
@@ -151,7 +150,12 @@ def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLim
 
 def _without_own_gap_limit(take: Take, limits: Limits) -> list[int]:
     """Return the columns of the markers without a longest gap of their own."""
-    own = {c for name, one in limits.markers.items() if one.longest_gap is not None for c in _columns(take, name)}
+    own = {
+        c
+        for name, one in limits.markers.items()
+        if one.longest_gap is not None
+        for c in matching_columns(name, take.markers)
+    }
     return [column for column in range(len(take.markers)) if column not in own]
 
 
@@ -174,7 +178,7 @@ def _gap_breaches(take: Take, missing: Bools, columns: list[int], limit: int | N
 def _required_breaches(take: Take, limits: Limits) -> Iterator[Breach]:
     """Yield a breach for each required pattern with a marker that is absent or never seen."""
     for pattern in limits.required:
-        columns = _columns(take, pattern)
+        columns = matching_columns(pattern, take.markers)
         seen = [column for column in columns if take.trusted[:, column].any()]
         if not columns or len(seen) < len(columns):
             names = [take.markers[column] for column in columns if column not in seen] or [pattern]
@@ -185,15 +189,6 @@ def _required_breaches(take: Take, limits: Limits) -> Iterator[Breach]:
                 message=f"{', '.join(names)}: {what}",
                 advice="label it, or take it off check.required",
             )
-
-
-def _columns(take: Take, pattern: str) -> list[int]:
-    """Return the columns of the markers that a pattern matches, with or without the subject."""
-    return [
-        column
-        for column, name in enumerate(take.markers)
-        if name == pattern or fnmatchcase(name, pattern) or fnmatchcase(subject_of(name)[1], pattern)
-    ]
 
 
 def _expected_error(take: Take, settings: Settings) -> tuple[float | None, str]:

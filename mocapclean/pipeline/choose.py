@@ -7,7 +7,7 @@ from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
-from mocapclean.evaluation.self_check import Check, SelfCheck
+from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
 from mocapclean.pipeline.outcome import Candidate, MethodChoice
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
@@ -66,7 +66,7 @@ def choose(
         candidates=tuple(
             Candidate(
                 method=name,
-                total=checks[name].total if name in checks else Check(),
+                total=checks[name].total if name in checks else HiddenGaps(),
                 left_out=left_out.get(name, ""),
             )
             for name in settings.auto.methods
@@ -85,7 +85,7 @@ def _check(method: str, take: Take, wanted: Bools, settings: Settings, dictionar
     return found
 
 
-def _rank(total: Check) -> tuple[int, float]:
+def _rank(total: HiddenGaps) -> tuple[int, float]:
     """Return the number of hidden samples left and then the error; the least rank is the best."""
     if total.error is None:
         return total.samples, 0.0

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from mocapclean.evaluation.metrics import Error, Length
-from mocapclean.evaluation.self_check import Check, SelfCheck
+from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
 from mocapclean.take import Finding
 from mocapclean.take.status import Status
 
@@ -37,7 +37,7 @@ class Candidate:
     """A candidate of method auto: its result on the hidden samples, or the reason why it was left out."""
 
     method: str
-    total: Check
+    total: HiddenGaps
     left_out: str = ""
 
 

@@ -2,8 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
-from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +14,8 @@ from mocapclean.detection import detect
 from mocapclean.detection.spans import distrust, read_spans
 from mocapclean.errors import UsageError
 from mocapclean.take import Take
-from mocapclean.take.bones import check_names, subject_of
+from mocapclean.take.bones import check_names
+from mocapclean.take.names import is_pattern, matching_columns, similar_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,8 +76,8 @@ def _read(source: Path, settings: Settings) -> Take:
     if own_skeleton:
         options["skeleton"] = settings.skeleton
     take = formats.read(source, **options)
-    exact = [name for name in settings.markers if not set(name) & set("*?[")]
-    others = [name for name in exact if not _matches(name, take.markers)]
+    exact = [name for name in settings.markers if not is_pattern(name)]
+    others = [name for name in exact if not matching_columns(name, take.markers)]
     if others and formats.format_of(source) == "c3d":
         take = formats.read(source, points=others, **options)
     if settings.skeleton and not own_skeleton:
@@ -110,18 +109,10 @@ def read_reference(selected: Take, settings: Settings) -> Take | None:
     return replace(selected, positions=truth.positions[:, order], trusted=truth.trusted[:, order] & (order >= 0))
 
 
-def _matches(pattern: str, markers: Sequence[str]) -> list[int]:
-    return [
-        column
-        for column, marker in enumerate(markers)
-        if fnmatchcase(marker, pattern) or fnmatchcase(subject_of(marker)[1], pattern) or marker == pattern
-    ]
-
-
 def matching(pattern: str, markers: Sequence[str], option: str) -> list[int]:
     """Return the columns of the markers that a pattern matches; UsageError, naming the option, if none does."""
-    found = _matches(pattern, markers)
-    if not found:
-        near = get_close_matches(pattern, markers, n=3) or list(markers[:5])
+    columns = matching_columns(pattern, markers)
+    if not columns:
+        near = similar_names(pattern, markers) or list(markers[:5])
         raise UsageError(f"{option} must name markers of the take. Got {pattern!r}; near: {', '.join(near)}.")
-    return found
+    return columns

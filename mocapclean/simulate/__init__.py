@@ -1,4 +1,4 @@
-"""Takes with known truth: a figure that walks and boxes, its markers and skeletons, and ways to lose samples."""
+"""Takes with known truth: a figure that walks and boxes, its markers and skeletons, lost samples, and faults."""
 
 from mocapclean.simulate.faults import FAULTS, Event, Injected, inject
 from mocapclean.simulate.figure import asf_skeleton, bvh_skeleton

@@ -1,4 +1,4 @@
-"""The figure: an adult's skeleton, described once, as a BVH hierarchy and as an ASF skeleton.
+"""The skeleton of an adult figure, as a BVH hierarchy and as an ASF skeleton of the same bones.
 
 Axes: x to the figure's left, y up, z forward; millimetres. The rest pose is upright with hanging arms.
 
@@ -6,11 +6,12 @@ Lengths are the fractions of stature of R. Drillis and R. Contini, "Body segment
 Report 1166-03 (1966), as drawn in D. A. Winter, "Biomechanics and Motor Control of Human Movement", 4th ed. (2009),
 fig. 4.1, doi:10.1002/9780470549148: thigh 0.245, shank 0.246, ankle height 0.039, foot 0.152, upper arm 0.186,
 forearm 0.146, hand 0.108, hip height 0.530, shoulder height 0.818, chin 0.870, half the shoulder breadth 0.129. The
-parts of the spine, the clavicle, the foot's division and the distance between the hip joints (0.100) are ours.
+parts of the spine, the clavicle, the division of the foot, and the distance between the hip joints (0.100) are chosen
+by hand.
 
-In the ASF skeleton a bone is named for itself and stands for its far end; in the BVH one a joint is the place about
-which that bone turns. So the joint of bone b is where the parent of b ends: ``LeftLeg`` (the knee) is the end of
-``lfemur``, and ``BODY`` pairs them.
+An ASF skeleton has the position of each bone's far end, a BVH hierarchy that of the joint about which the bone turns.
+So the joint of a bone is at the end of its parent: ``LeftLeg``, the knee, is the joint of ``ltibia`` and the end of
+``lfemur``. ``BODY`` has both names of every bone.
 """
 
 from collections.abc import Mapping
@@ -21,17 +22,18 @@ import numpy as np
 from mocapclean.arrays import Floats
 from mocapclean.geometry.skeleton import Channel, Skeleton, turn
 
-STATURE = 1750.0
-ROOT_HEIGHT = 0.550 * STATURE
+STATURE = 1750.0  # mm, chosen by hand
+ROOT_HEIGHT = 0.550 * STATURE  # mm, of the root above the floor at rest: hip height 0.530, and 0.020 to the root
 
 Vector = tuple[float, float, float]
 
 
 class Segment(NamedTuple):
-    """A bone: its BVH joint (None where nothing turns), its parent, its rest vector in statures, its freedoms.
+    """A bone of the figure.
 
-    ``freedoms`` are the axes about which it turns, "xyz" or fewer; ``tilt`` is the turn about z, in degrees, of
-    these axes; ``end`` is the BVH end site of a bone without children.
+    bone: its ASF name. joint: its BVH joint; None for a bone that does not turn. parent: the ASF name of its parent.
+    vector: from its joint to its end at rest, in statures. freedoms: the axes about which it turns, "xyz" or fewer.
+    tilt: degrees, the rotation of these axes about z. end: the BVH end site of a bone without children.
     """
 
     bone: str
@@ -43,23 +45,25 @@ class Segment(NamedTuple):
     end: str | None = None
 
 
-def _leg(side: str, word: str, left: float) -> tuple[Segment, ...]:
+def _leg(side: str, prefix: str, left: float) -> tuple[Segment, ...]:
+    """Return the bones of a leg; ``left`` is 1 for the left side and -1 for the right."""
     return (
         Segment(f"{side}hipjoint", None, "root", (0.050 * left, -0.020, 0.0), ""),
-        Segment(f"{side}femur", f"{word}UpLeg", f"{side}hipjoint", (0.0, -0.245, 0.0), tilt=5 * left),
-        Segment(f"{side}tibia", f"{word}Leg", f"{side}femur", (0.0, -0.246, 0.0), "x"),
-        Segment(f"{side}foot", f"{word}Foot", f"{side}tibia", (0.003 * left, -0.028, 0.073)),
-        Segment(f"{side}toes", f"{word}ToeBase", f"{side}foot", (0.0, -0.004, 0.041), "x", end=f"{word}ToeEnd"),
+        Segment(f"{side}femur", f"{prefix}UpLeg", f"{side}hipjoint", (0.0, -0.245, 0.0), tilt=5 * left),
+        Segment(f"{side}tibia", f"{prefix}Leg", f"{side}femur", (0.0, -0.246, 0.0), "x"),
+        Segment(f"{side}foot", f"{prefix}Foot", f"{side}tibia", (0.003 * left, -0.028, 0.073)),
+        Segment(f"{side}toes", f"{prefix}ToeBase", f"{side}foot", (0.0, -0.004, 0.041), "x", end=f"{prefix}ToeEnd"),
     )
 
 
-def _arm(side: str, word: str, left: float) -> tuple[Segment, ...]:
+def _arm(side: str, prefix: str, left: float) -> tuple[Segment, ...]:
+    """Return the bones of an arm; ``left`` is 1 for the left side and -1 for the right."""
     tilt = 10 * left
     return (
-        Segment(f"{side}clavicle", f"{word}Shoulder", "thorax", (0.129 * left, -0.004, -0.004), "yz"),
-        Segment(f"{side}humerus", f"{word}Arm", f"{side}clavicle", (0.0, -0.186, 0.0), tilt=tilt),
-        Segment(f"{side}radius", f"{word}ForeArm", f"{side}humerus", (0.0, -0.146, 0.0), "x", tilt),
-        Segment(f"{side}hand", f"{word}Hand", f"{side}radius", (0.0, -0.108, 0.0), tilt=tilt, end=f"{word}HandEnd"),
+        Segment(f"{side}clavicle", f"{prefix}Shoulder", "thorax", (0.129 * left, -0.004, -0.004), "yz"),
+        Segment(f"{side}humerus", f"{prefix}Arm", f"{side}clavicle", (0.0, -0.186, 0.0), tilt=tilt),
+        Segment(f"{side}radius", f"{prefix}ForeArm", f"{side}humerus", (0.0, -0.146, 0.0), "x", tilt),
+        Segment(f"{side}hand", f"{prefix}Hand", f"{side}radius", (0.0, -0.108, 0.0), tilt=tilt, end=f"{prefix}HandEnd"),
     )
 
 
@@ -79,7 +83,7 @@ BODY: tuple[Segment, ...] = (
 
 
 def asf_skeleton() -> Skeleton:
-    """The figure as an ASF skeleton: 25 bones, ``after`` vectors, tilted axes, R = Rz Ry Rx."""
+    """Return the figure as an ASF skeleton: 25 bones, ``after`` vectors, tilted axes, R = Rz Ry Rx."""
     names = ("root", *(s.bone for s in BODY))
     channels = [Channel(joint=0, axis=axis, is_rotation=moves) for moves in (False, True) for axis in range(3)]
     product = [5, 4, 3]
@@ -99,17 +103,18 @@ def asf_skeleton() -> Skeleton:
 
 
 def bvh_skeleton() -> Skeleton:
-    """The figure as a BVH hierarchy: 22 joints and 5 end sites (no channels); three rotations each, R = Rz Ry Rx."""
+    """Return the figure as a BVH hierarchy: 22 joints with R = Rz Ry Rx, and 5 end sites without channels."""
+    # For each bone the BVH joint that carries its end, and the offset of the end from that joint at rest
     place = {"root": ("Hips", np.zeros(3))}
     names, parents, before = ["Hips"], [-1], [np.zeros(3)]
     for segment in BODY:
-        joint, reach = place[segment.parent]
+        joint, offset = place[segment.parent]
         if segment.joint is not None:
             parents.append(names.index(joint))
             names.append(segment.joint)
-            before.append(reach)
-            joint, reach = segment.joint, np.zeros(3)
-        place[segment.bone] = (joint, reach + STATURE * np.array(segment.vector))
+            before.append(offset)
+            joint, offset = segment.joint, np.zeros(3)
+        place[segment.bone] = (joint, offset + STATURE * np.array(segment.vector))
         if segment.end is not None:
             parents.append(names.index(joint))
             names.append(segment.end)
@@ -134,12 +139,12 @@ def bvh_skeleton() -> Skeleton:
 
 
 def rotation(angles: Floats) -> Floats:
-    """Rz Ry Rx (F, 3, 3) of angles (F, 3) about x, y and z in degrees."""
+    """Return Rz Ry Rx (F, 3, 3) of angles (F, 3) about x, y and z in degrees."""
     return turn(2, angles[:, 2]) @ turn(1, angles[:, 1]) @ turn(0, angles[:, 0])
 
 
 def angles_of(rotations: Floats) -> Floats:
-    """The angles (F, 3) in degrees about x, y and z with Rz Ry Rx = ``rotations`` (F, 3, 3), unwrapped over time."""
+    """Return the angles (F, 3) in degrees of rotations Rz Ry Rx (F, 3, 3) about x, y and z, unwrapped over time."""
     x = np.arctan2(rotations[:, 2, 1], rotations[:, 2, 2])
     y = -np.arcsin(np.clip(rotations[:, 2, 0], -1.0, 1.0))
     z = np.arctan2(rotations[:, 1, 0], rotations[:, 0, 0])
@@ -147,9 +152,10 @@ def angles_of(rotations: Floats) -> Floats:
 
 
 def asf_poses(root: Floats, angles: Mapping[str, Floats]) -> Floats:
-    """Poses (F, C) of ``asf_skeleton`` from the root's place (F, 3) and the angles (F, 3) of "root" and each bone.
+    """Return poses (F, C) of ``asf_skeleton`` from the root's position (F, 3) and the angles (F, 3) by bone.
 
-    Angles are degrees about the bone's own axes; a bone that is not named stays at rest.
+    The angles of the root are those of "root". Angles are degrees about the bone's own axes; bones without angles stay
+    at rest.
     """
     columns = [root, angles["root"]]
     rest = np.zeros_like(root)
@@ -158,12 +164,13 @@ def asf_poses(root: Floats, angles: Mapping[str, Floats]) -> Floats:
 
 
 def bvh_poses(root: Floats, angles: Mapping[str, Floats]) -> Floats:
-    """Poses (F, C) of ``bvh_skeleton`` that put every joint where ``asf_poses`` of the same arguments puts it."""
+    """Return poses (F, C) of ``bvh_skeleton`` with the joint positions of ``asf_poses`` of the same arguments."""
     columns = [root, angles["root"][:, ::-1]]
     rest = np.zeros_like(root)
     for segment in BODY:
         if segment.joint is None:
             continue
+        # The rotation about tilted axes, in the axes of the world
         free = [axis in segment.freedoms for axis in "xyz"]
         axes = turn(2, np.array(segment.tilt))
         local = axes @ rotation(angles.get(segment.bone, rest) * free) @ axes.T

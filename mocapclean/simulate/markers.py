@@ -1,7 +1,7 @@
-"""The marker set: 41 markers on the figure's skin, with soft tissue between them and the bones.
+"""The marker set of the figure: 41 markers on the skin, with soft tissue between them and the bones.
 
-Names and places follow the full-body set of the CMU Graphics Lab (the Vicon 512 set). As there, the markers of the
-thighs, shanks and upper arms sit at other heights on the right than on the left, so that the sides can be told apart.
+Names and places follow the full-body set of the CMU Graphics Lab (the Vicon 512 set). As in that set, the markers of
+thighs, shanks and upper arms have different heights on the right and on the left, which distinguishes the sides.
 """
 
 from typing import NamedTuple
@@ -16,17 +16,22 @@ from mocapclean.simulate.figure import Vector
 NOISE = 0.15
 """Standard deviation in millimetres of the measurement noise of each coordinate."""
 
-_PERSON = 1966
+_PERSON_SEED = 1966  # of the figure's soft tissue, the same in all motions
 
 
 class Tissue(NamedTuple):
-    """What lies between skin and bone: millimetres per radian of the joints near by, hertz, millimetres."""
+    """The soft tissue between a marker and its bone.
+
+    stretch: mm, skin displacement per radian of the joints at both ends of the segment. wobble: Hz, natural frequency
+    of the mass on a spring that lags behind accelerations. creep: mm, SD of a slow random displacement.
+    """
 
     stretch: float
     wobble: float
     creep: float
 
 
+# Chosen by hand, so that distances of markers on one segment vary as in real takes (tests/simulate has the ranges).
 HEAD = Tissue(6.0, 25.0, 0.7)
 TRUNK = Tissue(26.0, 14.0, 1.4)
 WAIST = Tissue(14.0, 13.0, 1.4)
@@ -40,60 +45,70 @@ SHANK = Tissue(5.0, 16.0, 0.8)
 FOOT = Tissue(7.0, 25.0, 0.9)
 
 
-class Place(NamedTuple):
-    """Where a marker sits: its BVH joint, its offset in millimetres at rest from that joint, its tissue."""
+# Hz, cutoff of the creep's spectrum; chosen by hand.
+_CREEP_CUTOFF = 0.4
+
+
+class Attachment(NamedTuple):
+    """The place of a marker: its BVH joint, its offset in millimetres from that joint at rest, and its tissue."""
 
     joint: str
     offset: Vector
     tissue: Tissue
 
 
-_MIDDLE = {
-    "C7": Place("Spine2", (0.0, 190.0, -70.0), TRUNK),
-    "T10": Place("Spine2", (0.0, -10.0, -110.0), TRUNK),
-    "CLAV": Place("Spine2", (0.0, 140.0, 75.0), TRUNK),
-    "STRN": Place("Spine2", (0.0, 10.0, 100.0), TRUNK),
-    "RBAC": Place("Spine2", (-85.0, 85.0, -115.0), TRUNK),
+# Markers of the trunk without a counterpart on the other side; all offsets are chosen by hand.
+_UNPAIRED = {
+    "C7": Attachment("Spine2", (0.0, 190.0, -70.0), TRUNK),
+    "T10": Attachment("Spine2", (0.0, -10.0, -110.0), TRUNK),
+    "CLAV": Attachment("Spine2", (0.0, 140.0, 75.0), TRUNK),
+    "STRN": Attachment("Spine2", (0.0, 10.0, 100.0), TRUNK),
+    "RBAC": Attachment("Spine2", (-85.0, 85.0, -115.0), TRUNK),
 }
-_PAIRS = {
-    "FHD": Place("Head", (76.0, 130.0, 90.0), HEAD),
-    "BHD": Place("Head", (52.0, 118.0, -80.0), HEAD),
-    "SHO": Place("Shoulder", (200.0, 45.0, -5.0), SHOULDER),
-    "UPA": Place("Arm", (62.0, -150.0, 10.0), UPPER_ARM),
-    "ELB": Place("Arm", (48.0, -320.0, -12.0), UPPER_ARM),
-    "FRM": Place("ForeArm", (42.0, -120.0, 18.0), FOREARM),
-    "WRA": Place("ForeArm", (12.0, -250.0, 62.0), FOREARM),
-    "WRB": Place("ForeArm", (12.0, -250.0, -58.0), FOREARM),
-    "FIN": Place("Hand", (20.0, -82.0, 14.0), HAND),
-    "FWT": Place("Hips", (125.0, 20.0, 95.0), WAIST),
-    "BWT": Place("Hips", (50.0, 40.0, -100.0), WAIST),
-    "THI": Place("UpLeg", (86.0, -230.0, 20.0), THIGH),
-    "KNE": Place("UpLeg", (60.0, -425.0, 0.0), KNEE),
-    "SHN": Place("Leg", (58.0, -210.0, 12.0), SHANK),
-    "ANK": Place("Leg", (48.0, -424.0, -6.0), FOOT),
-    "HEE": Place("Foot", (0.0, -22.0, -68.0), FOOT),
-    "TOE": Place("Foot", (2.0, -30.0, 134.0), FOOT),
-    "MT5": Place("Foot", (46.0, -38.0, 100.0), FOOT),
+# Markers of both sides, with the offset on the left.
+_PAIRED = {
+    "FHD": Attachment("Head", (76.0, 130.0, 90.0), HEAD),
+    "BHD": Attachment("Head", (52.0, 118.0, -80.0), HEAD),
+    "SHO": Attachment("Shoulder", (200.0, 45.0, -5.0), SHOULDER),
+    "UPA": Attachment("Arm", (62.0, -150.0, 10.0), UPPER_ARM),
+    "ELB": Attachment("Arm", (48.0, -320.0, -12.0), UPPER_ARM),
+    "FRM": Attachment("ForeArm", (42.0, -120.0, 18.0), FOREARM),
+    "WRA": Attachment("ForeArm", (12.0, -250.0, 62.0), FOREARM),
+    "WRB": Attachment("ForeArm", (12.0, -250.0, -58.0), FOREARM),
+    "FIN": Attachment("Hand", (20.0, -82.0, 14.0), HAND),
+    "FWT": Attachment("Hips", (125.0, 20.0, 95.0), WAIST),
+    "BWT": Attachment("Hips", (50.0, 40.0, -100.0), WAIST),
+    "THI": Attachment("UpLeg", (86.0, -230.0, 20.0), THIGH),
+    "KNE": Attachment("UpLeg", (60.0, -425.0, 0.0), KNEE),
+    "SHN": Attachment("Leg", (58.0, -210.0, 12.0), SHANK),
+    "ANK": Attachment("Leg", (48.0, -424.0, -6.0), FOOT),
+    "HEE": Attachment("Foot", (0.0, -22.0, -68.0), FOOT),
+    "TOE": Attachment("Foot", (2.0, -30.0, 134.0), FOOT),
+    "MT5": Attachment("Foot", (46.0, -38.0, 100.0), FOOT),
 }
-_RAISED = {"THI": 60.0, "SHN": 55.0, "UPA": -45.0}
-_CENTRAL = ("Head", "Hips")
+# Millimetres by which the marker of the right side is higher; chosen by hand.
+_RAISED_RIGHT = {"THI": 60.0, "SHN": 55.0, "UPA": -45.0}
+# Joints in the middle of the body, whose names have no side.
+_CENTRAL_JOINTS = ("Head", "Hips")
 
 
-def _sided(name: str, place: Place, left: bool) -> tuple[str, Place]:
-    x, y, z = place.offset
-    word = "" if place.joint in _CENTRAL else "Left" if left else "Right"
-    offset = (x, y, z) if left else (-x, y + _RAISED.get(name, 0.0), z)
-    return f"{'L' if left else 'R'}{name}", Place(word + place.joint, offset, place.tissue)
+def _sided(name: str, attachment: Attachment, left: bool) -> tuple[str, Attachment]:
+    """Return the name and the attachment of a paired marker on one side."""
+    x, y, z = attachment.offset
+    prefix = "" if attachment.joint in _CENTRAL_JOINTS else "Left" if left else "Right"
+    offset = (x, y, z) if left else (-x, y + _RAISED_RIGHT.get(name, 0.0), z)
+    return f"{'L' if left else 'R'}{name}", Attachment(prefix + attachment.joint, offset, attachment.tissue)
 
 
-MARKERS: dict[str, Place] = dict(
-    [_sided(name, place, left) for name, place in _PAIRS.items() for left in (True, False)], **_MIDDLE
+MARKERS: dict[str, Attachment] = dict(
+    [_sided(name, attachment, left) for name, attachment in _PAIRED.items() for left in (True, False)], **_UNPAIRED
 )
 """The 41 markers by name."""
 
 
-def wander(rng: np.random.Generator, n_frames: int, rate: float, cutoff: float, n_columns: int = 1) -> Floats:
-    """Smooth noise (F, n_columns) of unit variance whose spectrum falls as a Gaussian past ``cutoff`` Hz."""
+def smooth_noise(rng: np.random.Generator, n_frames: int, rate: float, cutoff: float, n_columns: int = 1) -> Floats:
+    """Return random columns (F, n_columns) of unit variance whose spectrum falls as a Gaussian past ``cutoff`` Hz."""
+    # White noise under a Gaussian filter of SD rate / (2π cutoff), scaled by the filter's loss of variance
     sigma = rate / (2 * np.pi * cutoff)
     margin = int(4 * sigma) + 1
     white = rng.standard_normal((n_frames + 2 * margin, n_columns))
@@ -101,43 +116,48 @@ def wander(rng: np.random.Generator, n_frames: int, rate: float, cutoff: float, 
     return np.asarray(smooth * np.sqrt(2 * np.sqrt(np.pi) * sigma))
 
 
-def wear(skeleton: Skeleton, poses: Floats, rate: float, rng: np.random.Generator) -> Floats:
-    """Marker positions (F, 41, 3) on the BVH figure in millimetres, in the figure's axes (y up).
+def marker_positions(skeleton: Skeleton, poses: Floats, rate: float, rng: np.random.Generator) -> Floats:
+    """Return marker positions (F, 41, 3) on the BVH figure in millimetres, in the figure's axes (y up).
 
-    Skin moves over bone in three ways: it is stretched by the joints at both ends of the segment, as a fixed
-    function of their angles, the same for every performance because the person is the same (after T. Bonci,
-    V. Camomilla, R. Dumas, L. Chèze and A. Cappozzo, J. Biomech. 47 (2014) 2354, doi:10.1016/j.jbiomech.2014.04.029);
-    it lags behind accelerations as a mass on a stiff spring; and it creeps at random. Then the cameras' noise is
-    added, ``NOISE`` millimetres in each coordinate.
+    Skin moves over bone by three effects. The joints at both ends of the segment stretch it, as a fixed function of
+    their angles that is the same in all motions: after T. Bonci, V. Camomilla, R. Dumas, L. Chèze, A. Cappozzo, 2014,
+    doi:10.1016/j.jbiomech.2014.04.029. It lags behind accelerations as a mass on a stiff spring. It creeps at random.
+    Finally the noise of the cameras is added, ``NOISE`` millimetres SD in each coordinate.
     """
-    places, rotations = forward(skeleton, poses)
-    person = np.random.default_rng(_PERSON)
+    joints, rotations = forward(skeleton, poses)
+    person = np.random.default_rng(_PERSON_SEED)
     columns = []
-    for place in MARKERS.values():
-        joint = skeleton.names.index(place.joint)
-        skin = place.offset + _stretch(skeleton, poses, joint, place.tissue, person)
-        skin += place.tissue.creep * wander(rng, len(poses), rate, 0.4, 3)
-        point = places[:, joint] + np.einsum("fij,fj->fi", rotations[:, joint], skin)
-        columns.append(point - _lag(point, rate, place.tissue.wobble))
+    for attachment in MARKERS.values():
+        joint = skeleton.names.index(attachment.joint)
+        skin = attachment.offset + _stretch(skeleton, poses, joint, attachment.tissue, person)
+        skin += attachment.tissue.creep * smooth_noise(rng, len(poses), rate, _CREEP_CUTOFF, 3)
+        point = joints[:, joint] + np.einsum("fij,fj->fi", rotations[:, joint], skin)
+        columns.append(point - _lag(point, rate, attachment.tissue.wobble))
     markers = np.stack(columns, axis=1)
     return np.asarray(markers + NOISE * rng.standard_normal(markers.shape))
 
 
 def _stretch(skeleton: Skeleton, poses: Floats, joint: int, tissue: Tissue, person: np.random.Generator) -> Floats:
-    near = [
+    """Return the skin's displacement (F, 3), mm, by the joint and its children, as a random linear function.
+
+    Its arguments are the sines and 1 − cosines of their angles.
+    """
+    adjacent = [
         index
         for index, channel in enumerate(skeleton.channels)
         if channel.is_rotation
         and joint in (channel.joint, skeleton.parents[channel.joint])
         and skeleton.parents[channel.joint] >= 0
     ]
-    angles = np.radians(poses[:, near])
+    angles = np.radians(poses[:, adjacent])
     features = np.concatenate((np.sin(angles), 1.0 - np.cos(angles)), axis=1)
-    pull = person.standard_normal((features.shape[1], 3)) * tissue.stretch / np.sqrt(6)
-    return np.asarray(features @ pull)
+    # √6 for the six angles of two joints with three freedoms each
+    coefficients = person.standard_normal((features.shape[1], 3)) * tissue.stretch / np.sqrt(6)
+    return np.asarray(features @ coefficients)
 
 
 def _lag(point: Floats, rate: float, wobble: float) -> Floats:
+    """Return the lag (F, 3), mm, of a point behind its acceleration a: a / ω², smoothed over 1 / ω."""
     omega = 2 * np.pi * wobble
     acceleration = np.gradient(np.gradient(point, axis=0), axis=0) * rate**2
     return np.asarray(gaussian_filter1d(acceleration, rate / omega, axis=0) / omega**2)

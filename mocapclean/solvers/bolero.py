@@ -34,7 +34,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.geometry.bone_projection import held, project
+from mocapclean.geometry.bone_projection import project_to_bone_lengths, tied_points
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.parameters import STRICT, About
@@ -82,7 +82,7 @@ def solve(take: Take, params: Params, fillable: Bools, known_bones: KnownBones) 
     columns = dynammo.Columns(take, params.frame)
     learner = BoneLearner(columns, params, take, known_bones.bones)
     learner.learn()
-    states = columns.positions(learner.system.emit(learner.smoothed.means))
+    states = columns.positions(learner.system.expected_values(learner.smoothed.means))
     return Solution(
         positions=np.where(take.trusted[..., None], states, columns.positions(learner.guess)),
         filled=fillable,
@@ -116,7 +116,7 @@ class BoneLearner(dynammo.Learner):
         self.lengths = np.array([bone.length for bone in used]) / columns.spread
         self.variances = np.square([bone.spread for bone in used]) / columns.spread**2
         missing = ~columns.seen & columns.seen.any(axis=1, keepdims=True)
-        self.tied = held(missing, self.ends, columns.seen)
+        self.tied = tied_points(missing, self.ends, columns.seen)
         self.residual, self.constrained = 0.0, False
 
     def learn(self) -> None:
@@ -146,11 +146,11 @@ class BoneLearner(dynammo.Learner):
         # min_y |y − C ẑ|² + Σ_e w_e c_e²; an infinite w_e is a constraint
         weights = self._hard_weights() if self.params.constraint == "hard" else self.params.bone_weight
         points = guess.reshape(len(guess), -1, 3)
-        points, errors = project(points, self.tied, self.columns.seen, self.ends, self.lengths, weights)
+        points, errors = project_to_bone_lengths(points, self.tied, self.columns.seen, self.ends, self.lengths, weights)
         self.residual = float(errors.max())
         return points.reshape(guess.shape)
 
     def _hard_weights(self) -> Floats:
         """Return w_e = r / s_e² for each bone (E,), infinite where the length has no spread."""
         infinite = np.full_like(self.variances, np.inf)
-        return np.divide(self.system.noise, self.variances, out=infinite, where=self.variances > 0)
+        return np.divide(self.system.noise_variance, self.variances, out=infinite, where=self.variances > 0)

@@ -32,10 +32,15 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import SolverError
+from mocapclean.geometry.alignment import mean_shape_frames
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.geometry.shape_frames import shape_frames
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expect, maximise, principal_system
+from mocapclean.numerics.state_space.linear_dynamics import (
+    LinearSystem,
+    expectation_step,
+    maximisation_step,
+    system_of_principal_components,
+)
 from mocapclean.numerics.state_space.smoother import Masks, Smoothed
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits, limit_reached
@@ -91,14 +96,17 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     learner = Learner(columns, params)
     learner.learn()
     return Solution(
-        positions=columns.positions(learner.system.emit(learner.smoothed.means)),
+        positions=columns.positions(learner.system.expected_values(learner.smoothed.means)),
         filled=fillable,
         sd=learner.deviation() if params.em == "exact" else None,
         converged=learner.converged,
         iterations=learner.iterations,
         reason=learner.reason,
         trace=tuple(learner.trace),
-        facts={"states": len(learner.system.dynamics.start), "noise_mm": columns.spread * learner.system.noise**0.5},
+        facts={
+            "states": len(learner.system.dynamics.start),
+            "noise_mm": columns.spread * learner.system.noise_variance**0.5,
+        },
     )
 
 
@@ -114,7 +122,7 @@ class Columns:
         known = np.where(self.seen[..., None], positions, 0.0)
         mean = known[self.seen].mean(axis=0)
         unturned = BodyFrames(np.tile(np.eye(3), (len(known), 1, 1)), np.tile(mean, (len(known), 1)))
-        self.frames = shape_frames(positions, self.seen) if frame == "body" else unturned
+        self.frames = mean_shape_frames(positions, self.seen) if frame == "body" else unturned
         local = interpolation.linear(self.frames.to_local(known), self.seen)
         self.spread = float(np.sqrt(np.square(local[self.seen]).mean())) or 1.0
         self.start = (local / self.spread).reshape(len(local), -1)
@@ -154,7 +162,7 @@ class Learner:
     def restart(self, n_states: int) -> None:
         """Take the principal components of the guess as the states."""
         if self.iterations < self.limit:
-            self.system = principal_system(self.guess, n_states, LEAST_VARIANCE)
+            self.system = system_of_principal_components(self.guess, n_states, LEAST_VARIANCE)
 
     def iterate(self, n_iterations: int, tolerance: float = 0.0) -> None:
         """Take at most so many steps; stop when the likelihood changes by less than the tolerance."""
@@ -173,14 +181,14 @@ class Learner:
         plus, full = self.params.em == "plus", self.params.process == "full"
         # E-step: the moments of z_t given the counted samples
         masks = self.trusted if plus else self.counted
-        self.smoothed, likelihood = expect(self.system, self._data(masks), masks, predict=plus)
+        self.smoothed, likelihood = expectation_step(self.system, self._data(masks), masks, predict=plus)
         if plus:
             self.guess = self.impute()
             if not np.abs(self.guess).max() <= DIVERGED:
                 raise SolverError("dynammo with em plus has diverged on this take; use em exact.")
         # M-step: m, P_1, A, Q, C and r that maximise the expected likelihood
         data = self._data(self.counted)
-        self.system = maximise(self.system, self.smoothed, data, self.counted, full=full, least=LEAST_VARIANCE)
+        self.system = maximisation_step(self.system, self.smoothed, data, self.counted, full=full, least=LEAST_VARIANCE)
         self.guess = self.impute()
         return likelihood / (3 * np.count_nonzero(masks.seen))
 
@@ -191,13 +199,13 @@ class Learner:
     def impute(self) -> Floats:
         """Return the trusted values, and C E[z_t] elsewhere, (F, n)."""
         known = np.repeat(self.columns.seen, 3, axis=1)
-        return np.where(known, self.columns.start, self.system.emit(self.smoothed.means))
+        return np.where(known, self.columns.start, self.system.expected_values(self.smoothed.means))
 
     def deviation(self) -> Floats:
         """Return the expected error (F, M) per coordinate, mm; 0 for markers that are trusted in no frame."""
         columns = self.columns
         deviation = np.zeros((len(columns.seen), len(columns.used)))
-        variance = self.system.variance(self.smoothed, columns.seen.shape[1])
+        variance = self.system.value_variance(self.smoothed, columns.seen.shape[1])
         deviation[:, columns.used] = columns.spread * np.sqrt(variance)
         return deviation
 

@@ -39,8 +39,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
-from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.robust_pca import robust_pca
 from mocapclean.numerics.low_rank.shrinkage import singular_values
 from mocapclean.parameters import STRICT, About
@@ -125,7 +125,7 @@ def fill_with_ranks(
 
     Mode completion passes through the other ranks first, each for at most ``stage_iterations``.
     """
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     if params.mode == "robust":
         return _separate(data, fillable, params, ranks[-1])
     return _complete(data, fillable, params, ranks, stage_iterations)
@@ -140,7 +140,7 @@ def _complete(
     share = float(data.known.mean())
     tolerance = _COMPLETION_TOLERANCE if params.tolerance == "auto" else params.tolerance
     paper, fixed = _PAPER_SCHEDULE, params.schedule == "fixed"
-    completion = Completion(
+    completion = NuclearNormCompletion(
         values,
         data.known,
         penalty=(params.penalty if fixed else paper.start) / norm,

@@ -34,9 +34,9 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Bools, Floats, runs
 from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.numerics import interpolation
-from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.state_space.linear_dynamics import LinearSystem
-from mocapclean.numerics.state_space.smoother import Dynamics, Masks, backward, forward, observe
+from mocapclean.numerics.state_space.smoother import Dynamics, Masks, kalman_filter, measure, rts_smoother
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
@@ -75,7 +75,7 @@ class Params:
 
 def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     """Return the take with all fillable samples (F, M) filled; sd is in millimetres."""
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     masks = Masks(take.trusted[:, data.used])
     complete: Bools = np.all(masks.seen, axis=1)
     enough = _is_enough(complete, params.complete_share)
@@ -135,7 +135,7 @@ class Model:
                 start_covariance=(_START_SPREADS * spread) ** 2 * identity,
             ),
             loadings=loadings,
-            noise=params.noise**2,
+            noise_variance=params.noise**2,
         )
         missed = np.square(offsets - offsets @ loadings @ loadings.T).mean(axis=0)
         self.missed = missed.reshape(-1, 3).mean(axis=1)
@@ -144,11 +144,12 @@ class Model:
         """Return the expected values (F, n), and the variance (F, n / 3) of a coordinate."""
         seen = np.repeat(masks.seen, 3, axis=1)
         # Forward pass, then smoothed means and posterior covariances, given all trusted samples
-        observed = observe(self.system.loadings, self.system.noise, np.where(seen, values - self.mean, 0.0), masks)
+        centred = np.where(seen, values - self.mean, 0.0)
+        measurements = measure(self.system.loadings, self.system.noise_variance, centred, masks)
         dynamics = self.system.dynamics
-        smoothed = backward(dynamics, forward(dynamics, observed))
-        variance = self.system.variance(smoothed, len(self.missed)) + self.missed
-        return self.mean + self.system.emit(smoothed.means), variance
+        smoothed = rts_smoother(dynamics, kalman_filter(dynamics, measurements))
+        variance = self.system.value_variance(smoothed, len(self.missed)) + self.missed
+        return self.mean + self.system.expected_values(smoothed.means), variance
 
 
 def _process(steps: Floats, loadings: Floats, params: Params) -> Floats:

@@ -24,7 +24,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.numerics.low_rank.centred import centred
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers import ialm
 from mocapclean.solvers.method import Traits
@@ -74,6 +74,6 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     """Return the take with all fillable samples (F, M) filled; trace and outliers are those of ``ialm``."""
     rank = params.rank
     if rank == "auto":
-        rank = centred(take.positions, take.trusted).gap_rank(params.rank_gap, params.rank_limit)
+        rank = centred_matrix(take.positions, take.trusted).gap_rank(params.rank_gap, params.rank_limit)
     ranks = [*(r for r in params.rank_schedule if r < rank), rank]
     return ialm.fill_with_ranks(take, params, fillable, ranks, params.stage_iterations)

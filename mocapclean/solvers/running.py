@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean.arrays import Bools
-from mocapclean.dictionaries.dictionary import Dictionary, required
+from mocapclean.dictionaries.dictionary import Dictionary, require_dictionary
 from mocapclean.errors import SolverError
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.fillable import enclosed, fillable
@@ -42,7 +42,7 @@ def run_method(
     if traits.gap_by_gap:
         inputs.append(wanted if wanted is not None else np.ones_like(gaps))
     if traits.needs_dictionary:
-        inputs.append(required(dictionary))
+        inputs.append(require_dictionary(dictionary))
     if traits.needs_bones:
         inputs.append(_bones(take, traits))
     return module.solve(take, params, gaps, *inputs)

@@ -36,8 +36,8 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.geometry.skeleton import Bone
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.dual_ascent import Edges
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers import svt
 from mocapclean.solvers.method import KnownBones, Traits, limit_reached
@@ -80,7 +80,7 @@ def solve(take: Take, params: Params, fillable: Bools, known_bones: KnownBones) 
 
     The trace is the residual of the trusted entries in mm.
     """
-    data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
+    data = centred_matrix(take.positions, take.trusted, about_mean=params.origin == "mean")
     edges = loose_edges(known_bones.bones, take.markers, take.trusted)
     plain = params.iteration == "paper"
     result = svt.minimise(
@@ -102,7 +102,7 @@ def solve(take: Take, params: Params, fillable: Bools, known_bones: KnownBones) 
     )
 
 
-def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> Edges:
+def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> DistanceBounds:
     """Return the bones, frame by frame, with an untrusted end; both ends are trusted in some frame of the take."""
     # The columns of the matrix are the markers that are trusted in some frame.
     used = np.flatnonzero(trusted.any(axis=0))
@@ -115,4 +115,4 @@ def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bool
     frames, loose = np.nonzero(~(known[:, start] & known[:, end]))
     samples = frames * known.shape[1]
     lengths = np.array([bone.length for bone in usable])
-    return Edges(samples + start[loose], samples + end[loose], lengths[loose], known.size)
+    return DistanceBounds(samples + start[loose], samples + end[loose], lengths[loose], known.size)

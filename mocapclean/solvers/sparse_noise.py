@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
 from mocapclean.take import Solution, Take
 
 
@@ -18,12 +18,12 @@ class NoisyTake:
 
     def __init__(self, take: Take, unit: float) -> None:
         self.take, self.unit = take, unit
-        self.data = centred(take.positions, take.trusted)
+        self.data = centred_matrix(take.positions, take.trusted)
         self.start: Floats = self.data.interpolated / unit
 
-    def observe(self, sparsity: float, smoothness: float, order: int = 2) -> Observation:
+    def observe(self, sparsity: float, smoothness: float, order: int = 2) -> SmoothSparseModel:
         """Return the terms of the model other than the rank. sparsity: λ √max(F, 3M), of which λ is the weight."""
-        return Observation(
+        return SmoothSparseModel(
             data=np.asfortranarray(self.data.values / self.unit),
             known=np.asfortranarray(self.data.known),
             sparsity=sparsity / max(self.start.shape) ** 0.5,
@@ -34,7 +34,7 @@ class NoisyTake:
     def solution(
         self,
         low: Floats,
-        copies: Copies,
+        copies: SplitCopies,
         fillable: Bools,
         *,
         denoise: bool,
@@ -47,7 +47,7 @@ class NoisyTake:
         trusted = self.take.trusted
         # S, in millimetres, at the columns of the markers that are trusted in some frame.
         outliers = np.zeros(self.take.positions.shape)
-        noise = copies.observation.outliers(copies.clean) * self.unit
+        noise = copies.model.outliers(copies.clean) * self.unit
         outliers[:, self.data.used] = noise.reshape(len(noise), -1, 3)
         # D − S on the trusted samples, X on the others.
         denoised = np.where(trusted[..., None], self.take.positions, 0.0) - outliers

@@ -26,7 +26,7 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.dictionary_fill import BodyTake, solution_of
@@ -67,7 +67,7 @@ def solve(take: Take, params: Params, fillable: Bools, dictionary: Dictionary) -
     """
     body = BodyTake(take, dictionary)
     estimate = body.interpolated()
-    poses = unit(body.dictionary.poses.reshape(len(body.dictionary.poses), -1))
+    poses = normalised(body.dictionary.poses.reshape(len(body.dictionary.poses), -1))
     codes, n_frames, n_failed, n_active = np.zeros(len(poses)), 0, 0, 0
     for frame in np.flatnonzero(body.trusted.any(axis=1) & ~body.trusted.all(axis=1)):
         observed = np.repeat(body.trusted[frame], 3)

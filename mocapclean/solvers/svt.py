@@ -33,9 +33,10 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.numerics.low_rank.bounded_completion import complete
-from mocapclean.numerics.low_rank.centred import CentredMatrix, centred
-from mocapclean.numerics.low_rank.dual_ascent import Edges, Iterate, ascend, no_edges
+from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
+from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds, no_bounds
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate, threshold_by_dual_ascent
+from mocapclean.numerics.low_rank.thresholding_by_splitting import threshold_by_splitting
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
@@ -81,8 +82,8 @@ class Params:
 
 def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     """Return the take with all fillable samples (F, M) filled; the trace is the residual in mm."""
-    data = centred(take.positions, take.trusted, about_mean=params.origin == "mean")
-    result = minimise(data, no_edges(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
+    data = centred_matrix(take.positions, take.trusted, about_mean=params.origin == "mean")
+    result = minimise(data, no_bounds(data.values.size // 3), params, step=params.step, excess_tolerance=0.0)
     residual = f"{result.residual:.2g} mm"
     return Solution(
         positions=data.positions(result.matrix),
@@ -96,7 +97,9 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     )
 
 
-def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, excess_tolerance: float) -> Iterate:
+def minimise(
+    data: CentredMatrix, edges: DistanceBounds, params: Params, *, step: float, excess_tolerance: float
+) -> Iterate:
     """Return the low-rank matrix within the bounds on ``edges``.
 
     step: δ of the printed ascent. excess_tolerance: mm by which an edge may be too long at the end.
@@ -104,7 +107,7 @@ def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, 
     # τ from τ / √(3FM): a norm over all entries
     threshold = params.threshold * data.values.size**0.5
     if params.iteration == "paper":
-        return ascend(
+        return threshold_by_dual_ascent(
             data.values,
             data.known,
             edges,
@@ -114,7 +117,7 @@ def minimise(data: CentredMatrix, edges: Edges, params: Params, *, step: float, 
             excess_tolerance=excess_tolerance,
             max_iterations=params.max_iterations,
         )
-    return complete(
+    return threshold_by_splitting(
         data.values,
         data.known,
         edges,

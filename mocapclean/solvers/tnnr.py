@@ -33,8 +33,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.numerics.low_rank.centred import centred
-from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits, limit_reached
@@ -90,10 +90,10 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
 
     The trace is ‖X‖_r of the answer after every outer step.
     """
-    data = centred(take.positions, take.trusted)
+    data = centred_matrix(take.positions, take.trusted)
     values = data.values / data.spread
     norm = float(singular_values(values).max(initial=0.0)) or 1.0
-    completion = Completion(values, data.known, penalty=params.penalty / norm, relaxation=params.relaxation)
+    completion = NuclearNormCompletion(values, data.known, penalty=params.penalty / norm, relaxation=params.relaxation)
     rank = data.gap_rank(params.rank_gap, params.rank_limit) if params.rank == "auto" else params.rank
     rank = min(rank, *values.shape)
     converged, trace = _raise_rank(completion, rank, params)
@@ -108,7 +108,7 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     )
 
 
-def _raise_rank(completion: Completion, rank: int, params: Params) -> tuple[bool, list[float]]:
+def _raise_rank(completion: NuclearNormCompletion, rank: int, params: Params) -> tuple[bool, list[float]]:
     """Raise the rank through the schedule; return whether the last stage converged, and the objectives."""
     trace: list[float] = []
     for stage in [*(r for r in params.rank_schedule if r < rank), rank]:
@@ -122,7 +122,7 @@ def _raise_rank(completion: Completion, rank: int, params: Params) -> tuple[bool
     return converged, trace
 
 
-def _outer_step(completion: Completion, rank: int, most_iterations: int, params: Params) -> bool:
+def _outer_step(completion: NuclearNormCompletion, rank: int, most_iterations: int, params: Params) -> bool:
     """Take one outer step; return whether its inner loop converged and the matrix changed little over it."""
     before = completion.filled.copy()
     # The tangent AᵀB at the present W stays fixed over the inner loop.
@@ -136,7 +136,7 @@ def _outer_step(completion: Completion, rank: int, most_iterations: int, params:
     return settled and (rank == 0 or change <= params.outer_tolerance * float(np.linalg.norm(before)))
 
 
-def _reason(converged: bool, completion: Completion, params: Params) -> str:
+def _reason(converged: bool, completion: NuclearNormCompletion, params: Params) -> str:
     if converged:
         return f"inner and outer changes are within {params.tolerance:g} and {params.outer_tolerance:g}"
     limit = "max_iterations" if len(completion.trace) == params.max_iterations else "outer_iterations"

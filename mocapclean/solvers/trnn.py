@@ -45,7 +45,7 @@ from mocapclean.numerics.low_rank.shrinkage import (
     spectral_gap_rank,
     top_singular_directions,
 )
-from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.solvers.sparse_noise import NoisyTake
@@ -152,7 +152,7 @@ def separate(
     """
     everything = np.ones(matrix.shape, dtype=bool, order="F")
     weight = 1.0 / max(matrix.shape) ** 0.5
-    observation = Observation(data=np.asfortranarray(matrix), known=everything, sparsity=weight, smoothness=0.0)
+    observation = SmoothSparseModel(data=np.asfortranarray(matrix), known=everything, sparsity=weight, smoothness=0.0)
     penalty = _SEPARATION_PENALTY / (float(np.linalg.norm(matrix, 2)) or 1.0)
     params = Params(penalty=penalty, growth=growth, tolerance=tolerance, max_iterations=max_iterations)
     iteration = Alm(matrix, observation, rank, rank, params)
@@ -167,7 +167,9 @@ class Alm:
     move in turn.
     """
 
-    def __init__(self, start: Floats, observation: Observation, rank: int, dimension: int, params: Params) -> None:
+    def __init__(
+        self, start: Floats, observation: SmoothSparseModel, rank: int, dimension: int, params: Params
+    ) -> None:
         self.rank, self.dimension, self.params = rank, dimension, params
         self.trace: list[float] = []
         self.penalty = params.penalty
@@ -179,7 +181,7 @@ class Alm:
         self.tangent = top_singular_directions(self.low, rank)
         self.n_copies = 2 if observation.smoothness else 1
         self._move_low(self.low)
-        self.copies = Copies(self.low, observation)
+        self.copies = SplitCopies(self.low, observation)
 
     def run(self) -> bool:
         """Iterate with the growing penalty, then with the fixed one if asked for; return whether X agrees at last."""
@@ -192,10 +194,10 @@ class Alm:
     def _iterate(self, growth: float, tolerance: float, limit: float) -> bool:
         """Iterate until X is within the tolerance of its copies; return whether it came there."""
         while len(self.trace) < self.params.max_iterations:
-            self._move_low(self.copies.settle(self.penalty))
+            self._move_low(self.copies.update(self.penalty))
             # η ← min(ρη, η_max); the multipliers in the state are divided by η, so they scale with it.
             following = min(growth * self.penalty, limit)
-            self.copies.state, distance = self.copies.image(self.low, following / self.penalty)
+            self.copies.state, distance = self.copies.next_state(self.low, following / self.penalty)
             self.penalty = following
             self.trace.append(distance)
             if distance <= tolerance:

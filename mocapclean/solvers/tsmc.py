@@ -33,9 +33,9 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
-from mocapclean.numerics.low_rank.extrapolation import Anderson
+from mocapclean.numerics.low_rank.anderson_acceleration import AndersonAcceleration
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
-from mocapclean.numerics.low_rank.splitting import Copies
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SplitCopies
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.solvers.sparse_noise import NoisyTake
@@ -80,7 +80,7 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     The trace is the distance of X from its copies, relative to the data.
     """
     noisy = NoisyTake(take, params.unit)
-    copies = Copies(noisy.start, noisy.observe(params.sparsity, params.smoothness, params.order))
+    copies = SplitCopies(noisy.start, noisy.observe(params.sparsity, params.smoothness, params.order))
     low, trace = minimise(copies, params)
     converged = trace[-1] <= params.tolerance
     state = f"X is within {trace[-1]:.1e} of its copies"
@@ -95,20 +95,20 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     )
 
 
-def minimise(copies: Copies, params: Params) -> tuple[Floats, list[float]]:
+def minimise(copies: SplitCopies, params: Params) -> tuple[Floats, list[float]]:
     """Iterate until X (F, n) agrees with its copies; return X and the distances."""
-    anderson = Anderson(params.memory, copies.state.size)
+    anderson = AndersonAcceleration(params.memory, copies.state.size)
     threshold = 1.0 / (copies.n_copies * params.penalty)
     low = np.empty(copies.shape, order="F")
     trace: list[float] = []
     while len(trace) < params.max_iterations:
         # S, M and the multipliers; the target is the mean of the copies and multipliers that X is shrunk from.
-        target = copies.settle(params.penalty)
+        target = copies.update(params.penalty)
         # X = 𝒟_{1/(2η)}(target)
         shrink_singular_values(target, threshold, out=low)
-        image, distance = copies.image(low)
+        image, distance = copies.next_state(low)
         trace.append(distance)
         if distance <= params.tolerance:
             break
-        copies.state = anderson.next(copies.state, image)
+        copies.state = anderson.next_state(copies.state, image)
     return low, trace

@@ -1,4 +1,4 @@
-"""Takes: markers over time, with their trust, skeleton, bones and names."""
+"""Takes: positions of markers over time, with trust, skeleton, bones and names."""
 
 from mocapclean.take.take import Finding, Origin, ReadOptions, Solution, Take
 

@@ -1,4 +1,4 @@
-"""The bones of a take: from its skeleton, or the pairs of markers that the take itself shows to be rigid."""
+"""The bones of a take: those of its skeleton, or the pairs of its markers that keep their distance."""
 
 from collections import defaultdict
 
@@ -8,31 +8,31 @@ from mocapclean.errors import UsageError
 from mocapclean.geometry.distances import robust_distances
 from mocapclean.geometry.skeleton import Bone, Skeleton
 from mocapclean.take import Take
+from mocapclean.take.names import bare_name, split_subject
 
-_FEWEST_TOGETHER = 30
-_LARGEST_SPREAD = 3.0
-_LONGEST = 800.0
-_PARTNERS = 3
-
-
-def subject_of(marker: str) -> tuple[str, str]:
-    """Split ``Subject:NAME`` into the subject ("" without one) and the bare name."""
-    subject, _, name = marker.rpartition(":")
-    return subject, name
+# What makes a pair of markers rigid; chosen by hand, no sweep was kept.
+_FEWEST_FRAMES = 30  # frames in which both markers must be trusted
+_LARGEST_SD = 3.0  # mm, robust SD of the distance
+_LARGEST_DISTANCE = 800.0  # mm, longer than any segment of a body
+_PARTNERS = 3  # most pairs that each marker contributes
+_SD_PER_DISTANCE = 0.01  # mm of SD that weigh as much as 1 mm of distance in the order of a marker's pairs
 
 
 def bones_of(take: Take) -> tuple[str, tuple[Bone, ...]]:
-    """The take's bones by marker name, and where they come from: "skeleton" or "rigid pairs"."""
+    """Return "skeleton" or "rigid pairs", the source of the take's bones, and the bones by marker name."""
     if take.skeleton is not None:
         return "skeleton", known_bones(take.markers, take.skeleton)
     return "rigid pairs", rigid_pairs(take)
 
 
 def known_bones(markers: tuple[str, ...], skeleton: Skeleton) -> tuple[Bone, ...]:
-    """The skeleton's bones between markers that bear its joints' names, for every subject (``Subject:`` prefix)."""
+    """Return the skeleton's bones between markers with the names of its joints, for every subject.
+
+    A marker ``Subject:NAME`` is that subject's joint NAME.
+    """
     subjects: dict[str, dict[str, str]] = defaultdict(dict)
     for marker in markers:
-        subject, name = subject_of(marker)
+        subject, name = split_subject(marker)
         subjects[subject][name] = marker
         subjects[subject].setdefault(marker, marker)
     return tuple(
@@ -44,8 +44,8 @@ def known_bones(markers: tuple[str, ...], skeleton: Skeleton) -> tuple[Bone, ...
 
 
 def check_names(markers: tuple[str, ...], skeleton: Skeleton) -> None:
-    """Raise UsageError when no marker bears the name of a joint of the skeleton."""
-    names = {subject_of(marker)[1] for marker in markers} | set(markers)
+    """Raise UsageError when no marker has the name of a joint of the skeleton."""
+    names = {bare_name(marker) for marker in markers} | set(markers)
     if not names & set(skeleton.names):
         raise UsageError(
             f"the skeleton must share names with the take. Its joints are {_some(skeleton.names)}; "
@@ -54,24 +54,26 @@ def check_names(markers: tuple[str, ...], skeleton: Skeleton) -> None:
 
 
 def _some(names: tuple[str, ...]) -> str:
+    """Return the first names as text, and the number of the others."""
     return ", ".join(names[:4]) + (f" and {len(names) - 4} more" if len(names) > 4 else "")
 
 
 def rigid_pairs(take: Take) -> tuple[Bone, ...]:
-    """Pairs of markers whose distance stays within 3 mm (robust SD) over the take, up to 3 for each marker.
+    """Return the pairs of markers whose distance has a robust SD of at most 3 mm, up to 3 for each marker.
 
-    Length and spread are the median and the robust SD of the distance over up to 300 frames in which both are trusted;
-    at least 30 such frames, and a distance of 800 mm at most, are asked for.
+    Length and spread are the median and the robust SD of the distance, over up to 300 evenly spaced frames. Both
+    markers must be trusted in at least 30 of these, and at most 800 mm apart.
     """
-    if len(take.trusted) < 2:  # one frame shows no distance to be constant
+    if len(take.trusted) < 2:  # one frame has no variation to measure
         return ()
-    median, spread = robust_distances(take.positions, take.trusted, _FEWEST_TOGETHER)
-    good = (spread <= _LARGEST_SPREAD) & (median <= _LONGEST) & (median > 0)
+    median, spread = robust_distances(take.positions, take.trusted, _FEWEST_FRAMES)
+    rigid = (spread <= _LARGEST_SD) & (median <= _LARGEST_DISTANCE) & (median > 0)
     chosen = set()
     for marker in range(len(take.markers)):
-        partners = np.flatnonzero(good[marker])
-        nearest = partners[np.argsort(spread[marker, partners] + 0.01 * median[marker, partners], kind="stable")]
-        chosen |= {(min(marker, int(p)), max(marker, int(p))) for p in nearest[:_PARTNERS]}
+        partners = np.flatnonzero(rigid[marker])
+        looseness = spread[marker, partners] + _SD_PER_DISTANCE * median[marker, partners]
+        best = partners[np.argsort(looseness, kind="stable")]
+        chosen |= {(min(marker, int(p)), max(marker, int(p))) for p in best[:_PARTNERS]}
     return tuple(
         Bone(start=take.markers[a], end=take.markers[b], length=float(median[a, b]), spread=float(spread[a, b]))
         for a, b in sorted(chosen)

@@ -1,4 +1,4 @@
-"""A take, what rules and formats find in it, and what a solver answers.
+"""The take, the findings of rules and formats, and the solution of a solver.
 
 F is the number of frames (always the first axis) and M the number of markers or joints. Frame numbers inside the
 program are indices from 0 and spans are half open; reports add ``Take.first_frame`` and close them.
@@ -16,7 +16,8 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.skeleton import Skeleton
 
 
-def _freeze(array: NDArray[Any]) -> NDArray[Any]:
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    """Return a read-only view of an array."""
     view = array.view()
     view.flags.writeable = False
     return view
@@ -24,10 +25,10 @@ def _freeze(array: NDArray[Any]) -> NDArray[Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """Something a rule or a format says of a take.
+    """The result of a trust rule, or a remark of a file format, about a take.
 
-    ``frames`` is a half-open span of indices (start, stop); ``marker`` or ``frames`` are None when the finding is
-    about the whole take. ``level`` is "info", "warning" or "error"; ``advice`` says what to do.
+    rule: its name. message: the sentence for the user. level: "info", "warning" or "error". marker, frames: the marker
+    and the half-open span of indices (start, stop) that it concerns; None for all. advice: what the user can do.
     """
 
     rule: str
@@ -40,11 +41,11 @@ class Finding:
 
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
-    """What a file does not say of itself and its user may.
+    """Facts about a file that its format does not store, from the user.
 
-    skeleton: the .asf of an .amc; rate: Hz, for formats that have none (AMC); unit: millimetres per unit of
-    length, for formats that have none (BVH); points: names of C3D points to read as markers even though the file
-    lists them as something else.
+    skeleton: the .asf of an .amc. rate: Hz, for formats without one (AMC). unit: millimetres per unit of length, for
+    formats without one (BVH). points: names of C3D points to read as markers although the file lists them as
+    something else.
     """
 
     skeleton: Path | None = None
@@ -55,9 +56,10 @@ class ReadOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """Where a take was read from: its path, format, the options it was read with, and the kept document.
+    """The file that a take was read from.
 
-    largest: mm, the largest coordinate that the file can hold.
+    path, format: of the file. options: those it was read with. document: its parsed content, for writing. largest: mm,
+    the largest coordinate that the file can store.
     """
 
     path: Path
@@ -72,11 +74,13 @@ class Take:
     """A capture as a marker matrix.
 
     positions: (F, M, 3) float64, millimetres, finite wherever trusted.
-    trusted: (F, M) bool, the only word on what is missing or doubted; NaN is never a signal.
-    filled: (F, M) bool, untrusted samples whose position a solver has supplied since reading; moved: (F, M) bool,
-    trusted samples that someone asked to have moved (denoised, exchanged). Writing changes only these two.
-    markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of
-    frame 0. skeleton: the joints and bones, if known. The arrays are read-only.
+    trusted: (F, M) bool, False for all samples that are missing or doubtful; NaN has no meaning of its own.
+    filled: (F, M) bool, untrusted samples with a position from a solver.
+    moved: (F, M) bool, trusted samples that were changed at the user's request: denoised, or exchanged labels.
+    Writing changes the samples of ``filled`` and ``moved`` alone.
+    markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
+    skeleton: the joints and bones, if known. findings: of rules and formats. origin: the file, None for a take that
+    cannot be written to one. The arrays are read-only.
     """
 
     positions: Floats
@@ -101,15 +105,15 @@ class Take:
         if len(self.markers) != shape[1] or len(set(self.markers)) != shape[1]:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
         for name in ("positions", "trusted", "filled", "moved"):
-            object.__setattr__(self, name, _freeze(getattr(self, name)))
+            object.__setattr__(self, name, _read_only(getattr(self, name)))
 
     @property
     def changed(self) -> Bools:
-        """The samples (F, M) that are no longer what the file says: filled or moved."""
+        """The samples (F, M) that differ from the file: filled or moved."""
         return self.filled | self.moved
 
     def distrusted_by(self, rule: str) -> Bools:
-        """The samples (F, M) that a rule, by its findings, distrusts."""
+        """Return the samples (F, M) that the findings of a rule name, by marker and span of frames."""
         mask = np.zeros_like(self.trusted)
         columns = {name: column for column, name in enumerate(self.markers)}
         for finding in self.findings:
@@ -118,7 +122,7 @@ class Take:
         return mask
 
     def select(self, columns: NDArray[np.intp]) -> "Take":
-        """The take with only these markers, by column; it can no longer be written to its own file."""
+        """Return the take with these markers alone, by column, without its file."""
         return replace(
             self,
             positions=self.positions[:, columns],
@@ -130,7 +134,7 @@ class Take:
         )
 
     def crop(self, start: int, stop: int, step: int = 1) -> "Take":
-        """The take with only these frames, by index, every ``step``-th; it can no longer be written to its own file."""
+        """Return the take with every ``step``-th of these frames, by index, without its findings and its file."""
         frames = slice(start, stop, step)
         return replace(
             self,
@@ -145,19 +149,21 @@ class Take:
         )
 
     def numbers(self, start: int, stop: int) -> tuple[int, int]:
-        """A half-open span of indices as the file's own first and last frame numbers."""
+        """Return the first and last frame numbers of the file, inclusive, for a half-open span of indices."""
         return start + self.first_frame, stop - 1 + self.first_frame
 
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """A solver's answer.
+    """The result of a solver.
 
-    positions: (F, M, 3) millimetres, finite where ``filled``; elsewhere it may hold the method's own estimate, which
-    nobody writes. filled: (F, M) bool, the untrusted samples it answers for. sd: (F, M) millimetres, its own expected
-    error per coordinate, or None. trace: the objective or residual after each iteration. facts: what the method chose
-    by itself, such as a rank. outliers: (F, M, 3) millimetres, the sparse noise that a robust method took out of the
-    trusted samples, or None. moved: (F, M) bool, the trusted samples that it was asked to denoise, or None.
+    positions: (F, M, 3) millimetres, finite where ``filled``; other samples may have the method's own estimate, which
+    is not written. filled: (F, M) bool, the untrusted samples that the method estimated. sd: (F, M) millimetres, the
+    standard deviation of a coordinate's error as the method expects it, or None. converged, iterations, reason: how
+    the method ended. trace: the objective or residual after each iteration. facts: quantities that the method
+    determined itself, such as a rank. outliers: (F, M, 3) millimetres, the sparse noise that a robust method removed
+    from trusted samples, or None. moved: (F, M) bool, the trusted samples that the method denoised on request, or
+    None.
     """
 
     positions: Floats

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mocapclean.detection.prediction import complete, predict
-from mocapclean.geometry.alignment import lay
+from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import rigidity
 
 
@@ -30,7 +30,7 @@ def test_rotations_agree_with_the_svd(seed, n_points, noise):
     turns = Rotation.random(20, random_state=seed).as_matrix()
     seen = shape @ turns.swapaxes(1, 2) + rng.normal(size=(20, 1, 3)) * 500
     seen = seen + rng.normal(size=seen.shape) * noise
-    turned, middles = lay(shape.T[:, None], np.moveaxis(seen, 2, 0)[:, None], weights[None])
+    turned, middles = align_shapes(shape.T[:, None], np.moveaxis(seen, 2, 0)[:, None], weights[None])
     found, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
     np.testing.assert_allclose(found @ found.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(centres, np.einsum("k,fkc->fc", weights / weights.sum(), seen))

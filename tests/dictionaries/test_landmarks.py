@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames, rigidity
-from mocapclean.geometry.alignment import register
+from mocapclean.dictionaries.landmarks import place_landmarks, plane_frames, rigidity_weights
+from mocapclean.geometry.alignment import carry_points
 from mocapclean.geometry.body_frames import BodyFrames
 
 GROUPS = [np.array([k]) for k in range(4)]
@@ -63,16 +63,16 @@ def test_lost_landmarks_of_a_rigid_torso_are_where_they_were(rng):
 def test_registration_undoes_a_motion_and_weights_decide(rng):
     shape, turn = rng.normal(size=(1, 5, 3)), Rotation.from_rotvec([0.4, 1.0, -2.0]).as_matrix()
     seen = shape @ turn.T + [1.0, 2.0, 3.0]
-    assert register(shape, seen, np.ones((1, 5)), shape[:, 0]) == pytest.approx(seen[:, 0])
+    assert carry_points(shape, seen, np.ones((1, 5)), shape[:, 0]) == pytest.approx(seen[:, 0])
     seen[0, 4] += 50.0
     weights = np.array([[1.0, 1, 1, 1, 0]])
-    assert register(shape, seen, weights, shape[:, 0]) == pytest.approx(seen[:, 0])
+    assert carry_points(shape, seen, weights, shape[:, 0]) == pytest.approx(seen[:, 0])
 
 
 def test_what_keeps_its_distance_weighs_most(rng):
     positions = bodies(rng)
     positions[:, 5] += rng.normal(scale=30.0, size=(80, 3))
-    weights = rigidity(positions, positions[:, 0])
+    weights = rigidity_weights(positions, positions[:, 0])
     assert weights[5] < 1e-3 * weights[1:5].min()
 
 

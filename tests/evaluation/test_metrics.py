@@ -15,12 +15,12 @@ def test_error_per_coordinate_and_in_3d():
     positions = truth.copy()
     positions[0, 1] = [3.0, 0.0, 4.0]
     where = np.array([[True, True], [False, False]])
-    found = metrics.error(truth, positions, where)
-    assert found.samples == 2
-    assert found.rmse == pytest.approx((25 / 6) ** 0.5)
-    assert found.rmse_3d == pytest.approx((25 / 2) ** 0.5)
-    assert found.rmse_3d == pytest.approx(found.rmse * 3**0.5)
-    assert found.largest == pytest.approx(5.0)
+    error = metrics.error(truth, positions, where)
+    assert error.samples == 2
+    assert error.rmse == pytest.approx((25 / 6) ** 0.5)
+    assert error.rmse_3d == pytest.approx((25 / 2) ** 0.5)
+    assert error.rmse_3d == pytest.approx(error.rmse * 3**0.5)
+    assert error.largest == pytest.approx(5.0)
     assert metrics.error(truth, positions, np.zeros((2, 2), bool)) is None
 
 
@@ -28,8 +28,8 @@ def test_the_expected_error_is_what_the_error_comes_to(rng):
     sd = np.where(rng.random((4000, 2)) < 0.5, rng.uniform(0.5, 8.0, (4000, 2)), np.nan)
     known = ~np.isnan(sd)
     errors = np.nan_to_num(sd)[..., None] * rng.normal(size=(4000, 2, 3))
-    found = metrics.error(errors, np.zeros_like(errors), known)
-    assert metrics.expected_error(sd) == pytest.approx(found.rmse_3d, rel=0.03)
+    error = metrics.error(errors, np.zeros_like(errors), known)
+    assert metrics.expected_error(sd) == pytest.approx(error.rmse_3d, rel=0.03)
     assert metrics.expected_error(sd[:0]) is None
     assert metrics.expected_error(np.full(3, np.nan)) is None
 
@@ -61,8 +61,8 @@ def test_rigid_pairs_are_found_and_loose_ones_are_not(rng):
     rigid = centre + np.array([[0.0, 0, 0], [100.0, 0, 0], [0, 150.0, 0]])
     loose = np.cumsum(rng.normal(size=(200, 1, 3)) * 20, axis=0)
     take = take_of(np.concatenate([rigid, loose], axis=1), ("A", "B", "C", "L"))
-    found = {(b.start, b.end): b.length for b in rigid_pairs(take)}
-    assert found == {
+    lengths = {(b.start, b.end): b.length for b in rigid_pairs(take)}
+    assert lengths == {
         ("A", "B"): pytest.approx(100.0),
         ("A", "C"): pytest.approx(150.0),
         ("B", "C"): pytest.approx(32500**0.5),

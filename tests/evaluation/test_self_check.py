@@ -131,47 +131,47 @@ def test_the_errors_are_those_of_the_hidden_samples_alone():
     rng = np.random.default_rng(0)
     miss, sd = rng.normal(size=truth.shape), rng.uniform(0.3, 1.5, take.trusted.shape)
     stub = Stub(take, miss, sd)
-    found = check(take, everything(take), stub, Params())
+    result = check(take, everything(take), stub, Params())
     (shown,) = stub.shown
     hidden = hide(take, everything(take), Params())
     assert np.array_equal(shown.trusted, take.trusted & ~hidden)
     assert np.array_equal(take.positions, truth)
-    assert found.because == ""
-    assert found.total.gaps == len(list(column_runs(hidden)))
-    assert found.total.samples == found.total.error.samples == hidden.sum()
-    assert found.total.error.rmse == pytest.approx(np.sqrt(np.mean(miss[hidden] ** 2)))
-    assert found.total.covered == pytest.approx(np.mean(np.abs(miss[hidden]) <= 1.645 * sd[hidden][:, None]))
-    assert list(found.by_length) == ["1-10", "61-120"]
+    assert result.because == ""
+    assert result.total.gaps == len(list(column_runs(hidden)))
+    assert result.total.samples == result.total.error.samples == hidden.sum()
+    assert result.total.error.rmse == pytest.approx(np.sqrt(np.mean(miss[hidden] ** 2)))
+    assert result.total.covered == pytest.approx(np.mean(np.abs(miss[hidden]) <= 1.645 * sd[hidden][:, None]))
+    assert list(result.by_length) == ["1-10", "61-120"]
     for name, low, high in (("1-10", 1, 10), ("61-120", 61, 120)):
         where = np.zeros_like(hidden)
         for marker, start, stop in column_runs(hidden):
             where[start:stop, marker] = low <= stop - start <= high
-        assert found.by_length[name].error.rmse == pytest.approx(np.sqrt(np.mean(miss[where] ** 2)))
-        assert found.by_length[name].samples == where.sum()
+        assert result.by_length[name].error.rmse == pytest.approx(np.sqrt(np.mean(miss[where] ** 2)))
+        assert result.by_length[name].samples == where.sum()
 
 
 def test_samples_that_the_method_leaves_are_counted_and_not_judged():
     take = gapped(200, 3, (0, 0, 10), (1, 50, 70))
-    found = check(take, everything(take), Stub(take, np.ones(3), may=enclosed), Params(least=0.0))
-    assert found.total.samples == 30
-    assert found.total.error.samples == 20
-    assert found.by_length["1-10"] == replace(found.by_length["1-10"], gaps=1, samples=10, error=None)
-    assert found.total.covered is None
+    result = check(take, everything(take), Stub(take, np.ones(3), may=enclosed), Params(least=0.0))
+    assert result.total.samples == 30
+    assert result.total.error.samples == 20
+    assert result.by_length["1-10"] == replace(result.by_length["1-10"], gaps=1, samples=10, error=None)
+    assert result.total.covered is None
 
 
 def test_gaps_that_would_be_left_for_their_expected_error_do_not_count():
     take = gapped(400, 2, (0, 50, 70), (1, 200, 230))
     sd = np.full(take.trusted.shape, [1.0, 9.0])
-    found = check(take, everything(take), Stub(take, np.array([2.0, 0, 0]), sd), Params(least=0.0), lambda e: e > 5.0)
-    assert (found.total.gaps, found.total.samples, found.total.error.samples) == (2, 50, 20)
+    result = check(take, everything(take), Stub(take, np.array([2.0, 0, 0]), sd), Params(least=0.0), lambda e: e > 5.0)
+    assert (result.total.gaps, result.total.samples, result.total.error.samples) == (2, 50, 20)
 
 
 def test_every_round_hides_other_samples():
     take = gapped(1000, 4, (0, 50, 70), (1, 200, 230))
     stub = Stub(take, np.ones(3))
-    found = check(take, everything(take), stub, Params(rounds=3, least=0.0))
-    assert found.rounds == 3
-    assert found.total.gaps == 6
+    result = check(take, everything(take), stub, Params(rounds=3, least=0.0))
+    assert result.rounds == 3
+    assert result.total.gaps == 6
     assert len({shown.trusted.tobytes() for shown in stub.shown}) == 3
 
 
@@ -189,9 +189,9 @@ def fails(take: Take, wanted: np.ndarray) -> Solution:
     ],
 )
 def test_without_an_answer_it_says_why(take, solve, because):
-    found = check(take, everything(take), solve, Params())
-    assert found.because == because
-    assert found.total.error is None
+    result = check(take, everything(take), solve, Params())
+    assert result.because == because
+    assert result.total.error is None
 
 
 def test_a_method_that_fails_is_not_hushed_up():
@@ -202,6 +202,6 @@ def test_a_method_that_fails_is_not_hushed_up():
 
 def test_a_class_of_which_nothing_can_be_hidden_is_named():
     take = gapped(300, 2, (0, 20, 280), (1, 100, 130))
-    found = check(take, everything(take), Stub(take, np.ones(3)), Params())
-    assert found.by_length["over 120"] == self_check.Check()
-    assert found.by_length["11-30"].gaps > 0
+    result = check(take, everything(take), Stub(take, np.ones(3)), Params())
+    assert result.by_length["over 120"] == self_check.HiddenGaps()
+    assert result.by_length["11-30"].gaps > 0

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from mocapclean.geometry.bone_projection import held, project
+from mocapclean.geometry.bone_projection import project_to_bone_lengths, tied_points
 
 CHAIN = np.array([[0, 1], [1, 2], [2, 3]])
 OPTIONS = {"ftol": 1e-15, "maxiter": 500}
@@ -29,7 +29,7 @@ def stretch(points: np.ndarray, ends: np.ndarray, lengths: np.ndarray) -> np.nda
 def test_one_bone_is_shortened_along_itself(weight):
     targets = np.array([[[0.0, 0, 0], [0, 0.6, 0]]])
     movable = np.array([[False, True]])
-    points, errors = project(targets, movable, ~movable, np.array([[0, 1]]), np.array([0.5]), weight)
+    points, errors = project_to_bone_lengths(targets, movable, ~movable, np.array([[0, 1]]), np.array([0.5]), weight)
     assert errors[0] < 1e-12
     y = points[0, 1, 1]
     slope = y - 0.6 + weight * (y * y - 0.25) / 1.0 * (y / 0.5) if np.isfinite(weight) else y - 0.5
@@ -39,7 +39,7 @@ def test_one_bone_is_shortened_along_itself(weight):
 
 def test_bones_hold_and_the_kkt_system_is_solved(rng):
     targets, lengths, movable = chain(rng, 40, 0.05)
-    points, errors = project(targets, movable, ~movable, CHAIN, lengths)
+    points, errors = project_to_bone_lengths(targets, movable, ~movable, CHAIN, lengths)
     assert errors.max() < 1e-9
     active = movable[:, CHAIN].any(axis=2)
     assert np.abs(stretch(points, CHAIN, lengths))[active].max() < 1e-8
@@ -50,7 +50,7 @@ def test_bones_hold_and_the_kkt_system_is_solved(rng):
 @pytest.mark.parametrize("weights", [np.inf, 5.0, np.array([np.inf, 2.0, 8.0])])
 def test_agrees_with_a_general_optimiser(rng, weights):
     targets, lengths, movable = chain(rng, 4, 0.03)
-    points, _ = project(targets, movable, ~movable, CHAIN, lengths, weights)
+    points, _ = project_to_bone_lengths(targets, movable, ~movable, CHAIN, lengths, weights)
     weights = np.broadcast_to(weights, 3)
     for frame in range(4):
         own = movable[frame]
@@ -84,22 +84,22 @@ def test_more_bones_than_freedom_that_disagree_are_met_halfway():
     targets = np.concatenate([anchors, [[0.1, 0.1, 0.1]]])[None]
     movable = np.array([[False] * 5 + [True]])
     ends = np.array([[k, 5] for k in range(5)])
-    points, _ = project(targets, movable, ~movable, ends, np.array([1.01, 1.01, 1.0, 1.0, 1.0]))
+    points, _ = project_to_bone_lengths(targets, movable, ~movable, ends, np.array([1.01, 1.01, 1.0, 1.0, 1.0]))
     np.testing.assert_allclose(points[0, 5], 0.0, atol=2e-3)
 
 
 def test_nothing_moves_without_a_bone_that_counts(rng):
     targets, lengths, movable = chain(rng, 6, 0.05)
     nowhere = np.zeros_like(movable)
-    points, errors = project(targets, nowhere, ~nowhere, CHAIN, lengths)
+    points, errors = project_to_bone_lengths(targets, nowhere, ~nowhere, CHAIN, lengths)
     assert np.array_equal(points, targets)
     assert not errors.any()
-    points, _ = project(targets, movable, nowhere, CHAIN[:1], lengths[:1])
+    points, _ = project_to_bone_lengths(targets, movable, nowhere, CHAIN[:1], lengths[:1])
     assert np.array_equal(points, targets)
 
 
-def test_held_are_the_movable_points_on_a_bone_with_a_known_or_movable_end():
+def test_tied_points_are_the_movable_points_on_a_bone_with_a_known_or_movable_end():
     movable = np.array([[True, False, False, True], [False, True, True, False], [True, True, False, True]])
     anchored = np.array([[False, True, False, False], [False, False, False, False], [False, False, False, True]])
     expected = [[True, False, False, False], [False, True, True, False], [True, True, False, False]]
-    assert np.array_equal(held(movable, CHAIN, anchored & ~movable), expected)
+    assert np.array_equal(tied_points(movable, CHAIN, anchored & ~movable), expected)

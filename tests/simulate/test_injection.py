@@ -80,9 +80,9 @@ def test_frozen_markers_repeat_the_frame_before_while_the_true_one_leaves(walk):
     assert of(injected, "frozen")
     for event in of(injected, "frozen"):
         (marker,) = event.markers
-        held = walk.positions[event.start - 1, marker]
-        assert (injected.take.positions[event.start : event.stop, marker] == held).all()
-        assert np.linalg.norm(walk.positions[event.start : event.stop, marker] - held, axis=1).max() >= 20.0
+        last = walk.positions[event.start - 1, marker]
+        assert (injected.take.positions[event.start : event.stop, marker] == last).all()
+        assert np.linalg.norm(walk.positions[event.start : event.stop, marker] - last, axis=1).max() >= 20.0
 
 
 def test_swaps_exchange_markers_that_are_apart(walk):

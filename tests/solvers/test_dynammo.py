@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mocapclean.numerics.state_space.linear_dynamics import expect, maximise
+from mocapclean.numerics.state_space.linear_dynamics import expectation_step, maximisation_step
 from mocapclean.simulate import block_loss
 from mocapclean.solvers.dynammo import LEAST_VARIANCE, Columns, Learner, Params
 from mocapclean.solvers.running import run_method
@@ -54,12 +54,12 @@ def test_an_iteration_goes_uphill_from_its_first_inch(rng):
     learner = Learner(Columns(take, "take"), Params(states=3, state_schedule=(), max_iterations=5, tolerance=0.0))
     learner.learn()
     data, before = learner._data(learner.counted), learner.system
-    smoothed, likelihood = expect(before, data, learner.counted)
-    after = maximise(before, smoothed, data, learner.counted, full=False, least=LEAST_VARIANCE)
+    smoothed, likelihood = expectation_step(before, data, learner.counted)
+    after = maximisation_step(before, smoothed, data, learner.counted, full=False, least=LEAST_VARIANCE)
     for share in (1e-3, 0.1, 1.0):
         loadings = before.loadings + share * (after.loadings - before.loadings)
-        moved = type(before)(dynamics=before.dynamics, loadings=loadings, noise=before.noise)
-        assert expect(moved, data, learner.counted)[1] > likelihood
+        moved = type(before)(dynamics=before.dynamics, loadings=loadings, noise_variance=before.noise_variance)
+        assert expectation_step(moved, data, learner.counted)[1] > likelihood
 
 
 @pytest.mark.parametrize("em", ["exact", "imputed"])

@@ -6,7 +6,7 @@ import pytest
 from small_dictionaries import learn
 from test_llc import make_take, swing
 
-from mocapclean.numerics.coding.dictionary_learning import unit
+from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.sparse_coding import lasso
 from mocapclean.solvers.running import run_method
 from mocapclean.solvers.srmmp import Params
@@ -14,7 +14,7 @@ from mocapclean.solvers.srmmp import Params
 
 @pytest.mark.parametrize("penalty", [0.5, 0.02])
 def test_codes_meet_the_optimality_conditions(rng, penalty):
-    atoms, signal, observed = unit(rng.normal(size=(40, 15))), rng.normal(size=15), rng.random(15) > 0.3
+    atoms, signal, observed = normalised(rng.normal(size=(40, 15))), rng.normal(size=15), rng.random(15) > 0.3
     codes, optimal = lasso(atoms, np.where(observed, signal, np.nan), observed, penalty, np.zeros(40))
     pull = atoms[:, observed] @ (signal - codes @ atoms)[observed]
     assert optimal
@@ -24,7 +24,7 @@ def test_codes_meet_the_optimality_conditions(rng, penalty):
 
 @pytest.mark.parametrize("warm", [False, True])
 def test_codes_are_those_of_an_independent_solver(rng, warm):
-    atoms, signal = unit(rng.normal(size=(20, 8))), rng.normal(size=8)
+    atoms, signal = normalised(rng.normal(size=(20, 8))), rng.normal(size=8)
     start = rng.normal(size=20) * (rng.random(20) > 0.7) if warm else np.zeros(20)
     codes, _ = lasso(atoms, signal, np.ones(8, dtype=bool), 0.1, start)
     w = cp.Variable(20)
@@ -37,7 +37,7 @@ def test_codes_are_those_of_an_independent_solver(rng, warm):
 
 
 def test_a_large_penalty_gives_nothing_and_twins_do_no_harm(rng):
-    atoms = unit(rng.normal(size=(5, 6)))
+    atoms = normalised(rng.normal(size=(5, 6)))
     signal, everything = rng.normal(size=6), np.ones(6, dtype=bool)
     assert not lasso(atoms, signal, everything, 1.01 * np.abs(atoms @ signal).max(), np.zeros(5))[0].any()
     twice = np.concatenate([atoms, atoms])

@@ -6,14 +6,14 @@ from pydantic import ValidationError
 
 from mocapclean.numerics.interpolation import linear
 from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
-from mocapclean.numerics.low_rank.splitting import Observation
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel
 from mocapclean.solvers import tsmc
 from mocapclean.solvers.running import run_method
 from mocapclean.solvers.trnn import Alm, Params, ranks_of, separate
 from mocapclean.take import Take
 
 
-def observed(rng: np.random.Generator) -> tuple[np.ndarray, Observation]:
+def observed(rng: np.random.Generator) -> tuple[np.ndarray, SmoothSparseModel]:
     """A start and an observation (24, 9) of rank 4 with gaps, spikes and a little noise."""
     t = np.linspace(0, 3, 24)[:, None]
     truth = np.sin(t * [0.7, 1.1, 1.9, 2.6] + [0.0, 1.0, 2.0, 0.5]) @ rng.normal(size=(4, 9)) * 3
@@ -22,7 +22,7 @@ def observed(rng: np.random.Generator) -> tuple[np.ndarray, Observation]:
     known = np.ones(truth.shape, dtype=bool)
     known[8:12, :3] = known[-2:, 3:6] = False
     start = np.where(known, data, 0.0)
-    return start, Observation(data=start, known=known, sparsity=0.3, smoothness=1.5)
+    return start, SmoothSparseModel(data=start, known=known, sparsity=0.3, smoothness=1.5)
 
 
 def svt(matrix: np.ndarray, threshold: float) -> np.ndarray:
@@ -74,7 +74,7 @@ def test_the_polished_end_is_a_fixed_point(rng, factors):
     params = Params(growth=1.1, polish=5.0, polish_tolerance=1e-7, max_iterations=5000, factors=factors)
     alm = Alm(start, given, 2, 6, params)
     assert alm.run()
-    alm.copies.settle(alm.penalty)
+    alm.copies.update(alm.penalty)
     Y1, Y2 = alm.copies.multipliers(alm.penalty)
     S = given.outliers(alm.copies.clean)
     np.testing.assert_allclose(alm.copies.smooth, alm.low, atol=2e-5)
@@ -96,7 +96,7 @@ def test_without_truncation_it_is_tsmc(rng):
     params = Params(growth=1.1, polish=1.0, polish_tolerance=1e-10, max_iterations=30000)
     alm = Alm(start, given, 0, 9, params)
     assert alm.run()
-    copies = tsmc.Copies(start, given)
+    copies = tsmc.SplitCopies(start, given)
     low, _ = tsmc.minimise(copies, tsmc.Params(tolerance=1e-10, max_iterations=20000))
     np.testing.assert_allclose(alm.low, low, atol=1e-6)
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
-from mocapclean.numerics.low_rank.splitting import Copies, Observation
+from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
 from mocapclean.solvers import tsmc
 from mocapclean.solvers.running import run_method
 from mocapclean.solvers.tsmc import Params
@@ -22,7 +22,9 @@ def operator(n_frames: int, order: int) -> np.ndarray:
     return D if order == 1 else -D.T @ D
 
 
-def noisy(rng: np.random.Generator, n_frames: int = 20, n: int = 6, order: int = 2) -> tuple[np.ndarray, Observation]:
+def noisy(
+    rng: np.random.Generator, n_frames: int = 20, n: int = 6, order: int = 2
+) -> tuple[np.ndarray, SmoothSparseModel]:
     """A start and an observation: smooth, of rank 3, with gaps and three spikes."""
     t = np.linspace(0, 3, n_frames)[:, None]
     truth = np.sin(t * [0.7, 1.1, 1.9] + [0.0, 1.0, 2.0]) @ rng.normal(size=(3, n)) * 3
@@ -33,17 +35,21 @@ def noisy(rng: np.random.Generator, n_frames: int = 20, n: int = 6, order: int =
     known = np.ones(truth.shape, dtype=bool)
     known[6:10, :3] = known[-2:, 3:] = False
     data[~known] = 77.0
-    return np.where(known, data, 0.0), Observation(data=data, known=known, sparsity=0.2, smoothness=1.5, order=order)
+    return np.where(known, data, 0.0), SmoothSparseModel(
+        data=data, known=known, sparsity=0.2, smoothness=1.5, order=order
+    )
 
 
-def minimised(start: np.ndarray, observation: Observation, params: Params) -> tuple[np.ndarray, Copies, list[float]]:
-    copies = Copies(start, observation)
+def minimised(
+    start: np.ndarray, observation: SmoothSparseModel, params: Params
+) -> tuple[np.ndarray, SplitCopies, list[float]]:
+    copies = SplitCopies(start, observation)
     low, trace = tsmc.minimise(copies, params)
-    copies.settle(params.penalty)
+    copies.update(params.penalty)
     return low, copies, trace
 
 
-def objective(low: np.ndarray, observation: Observation) -> float:
+def objective(low: np.ndarray, observation: SmoothSparseModel) -> float:
     return float(np.linalg.svd(low, compute_uv=False).sum()) + observation.cost(low)
 
 
@@ -64,11 +70,11 @@ def test_agrees_with_an_interior_point_solver(rng, order):
 @pytest.mark.parametrize("order", [1, 2])
 def test_multipliers_at_every_iteration(rng, order, penalty):
     start, given = noisy(rng, order=order)
-    copies, OP = Copies(start, given), operator(20, order)
+    copies, OP = SplitCopies(start, given), operator(20, order)
     low = np.empty(start.shape, order="F")
     shares = []
     for _ in range(12):
-        shrink_singular_values(copies.settle(penalty), 0.5 / penalty, out=low)
+        shrink_singular_values(copies.update(penalty), 0.5 / penalty, out=low)
         Y1, Y2 = copies.multipliers(penalty)
         S = given.outliers(copies.clean)
         np.testing.assert_allclose(given.smoothness * OP.T @ OP @ copies.smooth + Y1, 0, atol=1e-10)
@@ -76,7 +82,7 @@ def test_multipliers_at_every_iteration(rng, order, penalty):
         assert np.abs(Y2).max() <= given.sparsity + 1e-12
         np.testing.assert_allclose(Y2[S != 0], given.sparsity * np.sign(S[S != 0]), atol=1e-12)
         shares.append(np.count_nonzero(S))
-        copies.state, _ = copies.image(low)
+        copies.state, _ = copies.next_state(low)
     assert max(shares) > 0
 
 
@@ -116,7 +122,7 @@ def test_spikes_are_found_and_gaps_are_not_read(rng):
 def test_without_weight_on_the_differences_there_is_one_copy(rng):
     start, given = noisy(rng)
     plain, tiny = (replace(given, smoothness=mu) for mu in (0.0, 1e-9))
-    assert Copies(start, plain).n_copies == 1
+    assert SplitCopies(start, plain).n_copies == 1
     one, two = (objective(minimised(start, g, TIGHT)[0], g) for g in (plain, tiny))
     assert one == pytest.approx(two, rel=1e-6)
 

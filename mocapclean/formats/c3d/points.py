@@ -1,6 +1,5 @@
 """What a C3D file says of its points: their names, which are markers, unit, rate and frame count."""
 
-import difflib
 import math
 import re
 from pathlib import Path
@@ -8,6 +7,7 @@ from pathlib import Path
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.c3d.header import BLOCK, Header, Parameters
 from mocapclean.take import Finding, ReadOptions
+from mocapclean.take.names import bare_name, similar_names
 
 NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 UNLABELLED = re.compile(r"\*\d+")
@@ -47,10 +47,10 @@ def choose_markers(
     """
     _check_asked(path, names, options)
     listed = _listed(header.parameters)
-    bare = {_bare(label) for label in listed if ":" in label}
+    bare = {bare_name(label) for label in listed if ":" in label}
     labels = list(enumerate(_all_labels(header.parameters, "LABELS")[: len(names)]))
-    other = {i for i, label in labels if {label, _bare(label)} & listed or (":" not in label and label in bare)}
-    unlabelled = {i for i, label in labels if UNLABELLED.fullmatch(_bare(label))}
+    other = {i for i, label in labels if {label, bare_name(label)} & listed or (":" not in label and label in bare)}
+    unlabelled = {i for i, label in labels if UNLABELLED.fullmatch(bare_name(label))}
     if len(other | unlabelled) < len(names):
         other |= unlabelled
     asked = set(options.points)
@@ -75,7 +75,7 @@ def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:
     known = set(names)
     for wanted in options.points:
         if wanted not in known:
-            near = difflib.get_close_matches(wanted, names, n=3, cutoff=0.5)
+            near = similar_names(wanted, names, cutoff=0.5)
             hint = f"Near it: {', '.join(near)}." if near else f"The file has {_few(names)}."
             raise UsageError(f"{path}: points to read must be points of the file. Got {wanted!r}. {hint}")
 
@@ -180,10 +180,6 @@ def _listed(parameters: Parameters) -> set[str]:
     """The labels of all points that POINT's groups say are something else than captured markers."""
     groups = [*NOT_MARKERS, *parameters.strings("POINT:TYPE_GROUPS")[::2]]
     return {label for group in dict.fromkeys(groups) for label in _all_labels(parameters, group.upper())} - {""}
-
-
-def _bare(label: str) -> str:
-    return label.rpartition(":")[2]
 
 
 def _few(names: list[str]) -> str:

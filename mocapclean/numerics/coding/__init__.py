@@ -1,1 +1,1 @@
-"""Sparse and locality-constrained coding."""
+"""Sparse and locality-constrained coding, and dictionaries for it."""

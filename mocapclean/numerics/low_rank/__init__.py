@@ -1,1 +1,1 @@
-"""Low-rank matrices: shrinkage, completion, separation."""
+"""Low-rank matrices: proximal maps, completion, separation of sparse errors, and what hastens the iterations."""

@@ -1,7 +1,7 @@
-"""Differences over frames, D x = x_t − x_{t+1}, and the banded systems they lead to.
+"""Differences over frames, D x = x_t − x_{t+1}, and their banded normal equations.
 
-The zero last row of the square D of the papers is left out: D is (F − 1, F). With ``keep_end`` the last row of D
-is e_F, which is how the square D² of I. Imamura, M. Okuda (2018) treats its last but one row.
+D is (F − 1, F): the zero last row of the papers' square D is left out. With ``keep_end`` the last row of D is e_F, as
+in the last row but one of the square D² of I. Imamura, M. Okuda (2018).
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from mocapclean.arrays import Bools, Floats
 
 
 def difference(values: Floats, *, keep_end: bool = False, out: Floats | None = None) -> Floats:
-    """D applied to values (F, n): (F − 1, n), or (F, n) with ``keep_end``; F may be 0."""
+    """Return D applied to values (F, n): (F − 1, n), or (F, n) with ``keep_end``; F may be 0."""
     n_rows = len(values) if keep_end else max(len(values) - 1, 0)
     result = np.empty((n_rows, values.shape[1])) if out is None else out
     np.subtract(values[:-1], values[1:], out=result[: max(len(values) - 1, 0)])
@@ -21,7 +21,7 @@ def difference(values: Floats, *, keep_end: bool = False, out: Floats | None = N
 
 
 def add_adjoint(target: Floats, rows: Floats, *, keep_end: bool = False) -> None:
-    """Add Dᵀ rows to target (F, n) in place; the arguments mirror ``difference``."""
+    """Add Dᵀ rows to target (F, n) in place, for rows and ``keep_end`` as in ``difference``."""
     inner = rows[: max(len(target) - 1, 0)]
     target[:-1] += inner
     target[1:] -= inner
@@ -30,13 +30,15 @@ def add_adjoint(target: Floats, rows: Floats, *, keep_end: bool = False) -> None
 
 
 def normal_bands(n_frames: int, identity: float, first: float, second: float, *, keep_end: bool = False) -> Floats:
-    """Lower bands (3, F) of identity·I + first·DᵀD + second·(DD)ᵀDD; ``keep_end`` is that of the outer D."""
+    """Return the lower bands (3, F) of identity·I + first·DᵀD + second·(DD)ᵀDD; ``keep_end`` is that of the outer D."""
     bands = np.zeros((3, n_frames))
     bands[0] = identity
     n_first, n_second = max(n_frames - 1, 0), max(n_frames - 2, 0)
+    # Each first difference (1, −1) adds [[1, −1], [−1, 1]].
     bands[0, :n_first] += first
     bands[0, 1 : n_first + 1] += first
     bands[1, :n_first] -= first
+    # Each second difference (1, −2, 1) adds its outer product with itself.
     for shift, weight in enumerate((1.0, 4.0, 1.0)):
         bands[0, shift : shift + n_second] += weight * second
     for shift in (0, 1):
@@ -49,7 +51,7 @@ def normal_bands(n_frames: int, identity: float, first: float, second: float, *,
 
 
 def times_bands(bands: Floats, values: Floats) -> Floats:
-    """The symmetric matrix of lower bands (3, F) times values (F, n)."""
+    """Return the product of the symmetric matrix of lower bands (3, F) with values (F, n)."""
     product = bands[0, :, None] * values
     for k in range(1, min(len(bands), len(values))):
         product[k:] += bands[k, :-k, None] * values[:-k]
@@ -58,11 +60,11 @@ def times_bands(bands: Floats, values: Floats) -> Floats:
 
 
 class FreeSystem:
-    """The pentadiagonal system of the free samples, the others being held: H[u, u] x[u] = b[u].
+    """The pentadiagonal system H[u, u] x[u] = b[u] of the free samples u of each marker; all others are fixed.
 
-    Every marker has its own free frames u, and dropping rows and columns of H keeps its bandwidth of 2. Taken
-    marker after marker, the free samples of a take are one block-diagonal pentadiagonal system: one Cholesky
-    factorisation (LAPACK pbtrf) and one solve for all markers, O(number of free samples).
+    Without the rows and columns of fixed samples, H keeps its bandwidth of 2. So the free samples of all markers, one
+    marker after another, form one block-diagonal pentadiagonal system. One Cholesky factorisation (LAPACK pbtrf) and
+    one solve serve all markers: O(number of free samples).
 
     places: (N,) indices into the samples of an (F, M) array in C order, marker after marker.
     """
@@ -73,6 +75,7 @@ class FreeSystem:
         self.places = frames * free.shape[1] + markers
         packed = np.zeros((3, len(frames)))
         packed[0] = bands[0, frames]
+        # Neighbours in the packed system that are 1 or 2 frames apart share that band of H; others share none (3).
         for k in (1, 2):
             gap = np.where(markers[k:] == markers[:-k], frames[k:] - frames[:-k], 3)[: len(frames)]
             near = np.flatnonzero(gap <= 2)
@@ -82,7 +85,7 @@ class FreeSystem:
             raise np.linalg.LinAlgError("The banded matrix must be positive definite.")
 
     def solve(self, packed: Floats) -> Floats:
-        """The solution (N, d) of the system for right-hand sides (N, d) in the order of ``places``."""
+        """Return the solution (N, d) of the system for right-hand sides (N, d) in the order of ``places``."""
         if not len(packed):
             return packed
         solution: Floats = dpbtrs(self._factor, packed, lower=1)[0]

@@ -1,1 +1,1 @@
-"""Linear dynamical systems: filtering, smoothing, learning."""
+"""Linear dynamical systems: filtering, smoothing and learning."""

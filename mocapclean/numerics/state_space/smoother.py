@@ -1,21 +1,24 @@
-"""Kalman filter and Rauch-Tung-Striebel smoother in information form, for many columns seen now and then.
+"""Kalman filter and Rauch-Tung-Striebel smoother in information form, for many columns that are seen in some frames.
 
-    z_1 ~ N(m, P_1)    z_t = A z_{t−1} + N(0, Q)    x_t = C z_t + N(0, diag r), of which only some columns are seen
+    z_1 ~ N(m, P_1)    z_t = A z_{t−1} + N(0, Q)    x_t = C z_t + N(0, diag r), of which some columns are seen
 
-What a frame says of z is G_t = C_oᵀ diag(1/r_o) C_o and h_t = C_oᵀ diag(1/r_o) x_o, over the columns o seen in it, so
-that nothing as large as the number of columns is ever factored. With P = A V_{t−1} Aᵀ + Q = L Lᵀ the update is
+A frame enters by its information matrix G_t = C_oᵀ diag(1/r_o) C_o and vector h_t = C_oᵀ diag(1/r_o) x_o, over the
+columns o seen in it. So no matrix as large as the number of columns is factored. With the predicted covariance
+P = A V_{t−1} Aᵀ + Q = L Lᵀ the filtered covariance V and the filtered mean μ_t are
 
     S = I + Lᵀ G L = R Rᵀ    V = (P⁻¹ + G)⁻¹ = L S⁻¹ Lᵀ    μ_t = (I − V G) A μ_{t−1} + V h_t
 
-in which S ≥ I, so that P may be as large as one likes. Backwards
+As S ≥ I, P may be arbitrarily large. The smoothed covariance V̂ and the smoothed mean ẑ_t follow backwards, with the
+smoother's gain J:
 
     J = V_t Aᵀ P_{t+1}⁻¹    V̂_t = (V_t − J A V_t) + J V̂_{t+1} Jᵀ    ẑ_t = (I − J A) μ_t + J ẑ_{t+1}.
 
 R. E. Kalman, 1960, doi:10.1115/1.3662552; H. E. Rauch, F. Tung, C. T. Striebel, 1965, doi:10.2514/3.3166.
 
-Covariances do not depend on the data. While the same columns are seen they settle, in some tens of frames, and are
-computed no further: a frame costs O(H²) then and O(H³) otherwise, beside O(n H) for h and one G of O(n H²) for every
-set of columns that occurs.
+Covariances do not depend on the data. While the same columns are seen they converge within some tens of frames to a
+steady state, which then serves the remaining frames of that run. So covariances and gains are stored once for each
+distinct value, (K, H, H), with an index (T,) from frames. A frame of the steady state costs O(H²), any other O(H³). In
+addition h costs O(n H) for each frame, and G O(n H²) for each distinct set of seen columns.
 """
 
 from dataclasses import dataclass
@@ -25,17 +28,20 @@ from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
 
 from mocapclean.arrays import Bools, Floats, Ints
 
-# A covariance that moves by less than this part of itself in a frame has settled: it is the rounding of the update.
-SETTLED = 1e-13
-LOOKS = 4  # frames from one look at that to the next
-CHUNK = 4096  # frames whose outer products are held at a time
+# Largest change of a covariance in one frame, relative to its largest variance, at which it counts as steady. Of the
+# order of the rounding error of one update.
+STEADY_CHANGE = 1e-13
+# Frames from one test for the steady state to the next; chosen by hand, to save most of the cost of the test.
+STEADY_TEST_INTERVAL = 4
+# Frames whose outer products are in memory at a time; chosen by hand, 8 MB for 16 states.
+OUTER_PRODUCT_FRAMES = 4096
 
 
 @dataclass(frozen=True, kw_only=True)
 class Dynamics:
-    """How the state moves: transition A (H, H), process Q (H, H), start m (H,), start_covariance P_1 (H, H).
+    """The state's transition matrix A, process covariance Q, and prior mean m and covariance P_1 of the first state.
 
-    Q and P_1 are positive definite.
+    transition: (H, H). process: (H, H). start: (H,). start_covariance: (H, H). Q and P_1 are positive definite.
     """
 
     transition: Floats
@@ -45,178 +51,212 @@ class Dynamics:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
-    """What the frames say of the state: vectors h (T, H), and G as information[kinds] of (K, H, H) and (T,).
+class Measurements:
+    """The measurements of all frames in information form.
 
-    compared: (K, H, H), the G of the columns whose innovation x − C A μ counts; G itself in a Kalman filter.
+    information: (K, H, H), G of each distinct set of seen columns. innovation_information: (K, H, H), the G of the
+    columns that have an innovation x − C A μ; equal to ``information`` in a Kalman filter. index: (T,), the set of
+    each frame. vectors: (T, H), h.
     """
 
     information: Floats
-    compared: Floats
-    kinds: Ints
+    innovation_information: Floats
+    index: Ints
     vectors: Floats
 
 
 class Masks:
-    """The sets of columns seen: (T, g) bool as distinct (K, g) and, for every frame, kinds (T,) into them."""
+    """The groups of columns seen in each frame, (T, g) bool, as distinct rows (K, g) and an index (T,) into them."""
 
     def __init__(self, seen: Bools) -> None:
+        # Rows packed into bits and viewed as one opaque value each are compared fast.
         packed = np.packbits(seen, axis=1)
         rows = np.ascontiguousarray(packed).view(f"V{packed.shape[1]}").ravel()
-        _, first, kinds = np.unique(rows, return_index=True, return_inverse=True)
-        self.seen, self.distinct, self.kinds = seen, seen[first], kinds.reshape(-1)
+        _, first, index = np.unique(rows, return_index=True, return_inverse=True)
+        self.seen, self.distinct, self.index = seen, seen[first], index.reshape(-1)
 
 
-def observe(loadings: Floats, noise: float, values: Floats, masks: Masks, *, predict: bool = False) -> Evidence:
-    """The evidence of values (T, n), 0 where not seen, under loadings C (n, H) and the variance r of the noise.
+def measure(
+    loadings: Floats, noise_variance: float, values: Floats, masks: Masks, *, predict: bool = False
+) -> Measurements:
+    """Return the information form of values (T, n) under loadings C (n, H) and the noise variance r.
 
-    Neighbouring columns are seen together: n is d times the g of ``masks``, and column j is seen with group j // d.
-    With ``predict`` an unseen value is taken for seen, and for just what the filter predicts.
+    values: 0 where not seen. masks: of g groups of d = n / g neighbouring columns each; column j is seen with group
+    j // d. predict: an unseen value counts as seen, with the filter's own prediction as its value.
     """
     n_groups, n_states = masks.distinct.shape[1], loadings.shape[1]
+    # G is the sum of C_gᵀ C_g / r over the seen groups.
     blocks = loadings.reshape(n_groups, -1, n_states)
-    squares = (blocks.swapaxes(1, 2) @ blocks).reshape(n_groups, -1) / noise
-    compared = (masks.distinct.astype(float) @ squares).reshape(-1, n_states, n_states)
-    information = np.broadcast_to(squares.sum(axis=0).reshape(n_states, -1), compared.shape) if predict else compared
-    return Evidence(information=information, compared=compared, kinds=masks.kinds, vectors=values @ (loadings / noise))
+    squares = (blocks.swapaxes(1, 2) @ blocks).reshape(n_groups, -1) / noise_variance
+    of_seen = (masks.distinct.astype(float) @ squares).reshape(-1, n_states, n_states)
+    information = np.broadcast_to(squares.sum(axis=0).reshape(n_states, -1), of_seen.shape) if predict else of_seen
+    return Measurements(
+        information=information,
+        innovation_information=of_seen,
+        index=masks.index,
+        vectors=values @ (loadings / noise_variance),
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Filtered:
-    """Means given the frames so far, and with the covariances what the smoother needs.
+    """The filter's result: moments given the frames so far, and the smoother's gains.
 
-    predicted, means: (T, H), before and after a frame's own evidence. covariances V, gains J and rests V − J A V
-    (K, H, H), and kinds (T,) into them. log_volume: Σ log det(I + P G), what the evidence narrowed.
+    predicted_means, means: (T, H), before and after the frame's own measurement. covariances: (K, H, H), V. gains:
+    (K, H, H), J. residual_covariances: (K, H, H), V − J A V, the covariance of a state given the next one. index: (T,)
+    into the three. log_determinant: Σ log det(I + P G) over the frames, a term of the log-likelihood.
     """
 
-    predicted: Floats
+    predicted_means: Floats
     means: Floats
     covariances: Floats
     gains: Floats
-    rests: Floats
-    kinds: Ints
-    log_volume: float
+    residual_covariances: Floats
+    index: Ints
+    log_determinant: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Smoothed:
-    """Means (T, H) given all frames, covariances V̂ (K, H, H) and kinds (T,) into them.
+    """The smoother's result: moments given all frames.
 
-    lagged: (H, H), Σ_t cov(z_{t+1}, z_t).
+    means: (T, H), ẑ. covariances: (K, H, H), V̂. index: (T,) into them. lagged: (H, H), Σ_t cov(z_{t+1}, z_t).
     """
 
     means: Floats
     covariances: Floats
-    kinds: Ints
+    index: Ints
     lagged: Floats
 
     def second_moments(self, weights: Floats) -> Floats:
-        """Σ_t w_t E[z_t z_tᵀ] for the rows w of weights (g, T): (g, H, H)."""
+        """Return Σ_t w_t E[z_t z_tᵀ] (g, H, H) for the rows w of weights (g, T)."""
         n_states = self.means.shape[1]
-        starts = np.flatnonzero(np.diff(self.kinds, prepend=-1))
-        per_run = np.add.reduceat(weights, starts, axis=1)
-        spread = per_run @ self.covariances[self.kinds[starts]].reshape(len(starts), -1)
-        for frames in range(0, len(self.means), CHUNK):
-            means = self.means[frames : frames + CHUNK]
+        # Covariances: one product for each run of frames that share one.
+        starts = np.flatnonzero(np.diff(self.index, prepend=-1))
+        run_weights = np.add.reduceat(weights, starts, axis=1)
+        moments = run_weights @ self.covariances[self.index[starts]].reshape(len(starts), -1)
+        # Outer products of the means, chunk by chunk.
+        for first in range(0, len(self.means), OUTER_PRODUCT_FRAMES):
+            means = self.means[first : first + OUTER_PRODUCT_FRAMES]
             outer = (means[:, :, None] * means[:, None]).reshape(len(means), -1)
-            spread += weights[:, frames : frames + CHUNK] @ outer
-        return spread.reshape(-1, n_states, n_states)
+            moments += weights[:, first : first + OUTER_PRODUCT_FRAMES] @ outer
+        return moments.reshape(-1, n_states, n_states)
 
 
-def forward(dynamics: Dynamics, evidence: Evidence) -> Filtered:
-    """The Kalman filter."""
-    transition, process = dynamics.transition, dynamics.process
-    n_frames, n_states = evidence.vectors.shape
-    kinds = np.empty(n_frames, dtype=np.intp)
-    roots: list[Floats] = []
-    backs: list[Floats] = []
-    volumes: list[Floats] = []
-    counts: list[int] = []
-    diagonal = slice(None, None, n_states + 1)
-    prior = dynamics.start_covariance
-    lower = dpotrf(prior, lower=1)[0]
-    for start, stop in _runs(evidence.kinds):
-        information, frame = evidence.information[evidence.kinds[start]], start
-        while frame < stop:
-            narrowed = lower.T.dot(information.dot(lower))
-            narrowed.ravel()[diagonal] += 1.0
-            factor = dpotrf(narrowed.T, lower=1, clean=0, overwrite_a=1)[0]
-            root = dtrtrs(factor, lower.T, lower=1)[0].T
-            spread = transition.dot(root)
-            after = spread.dot(spread.T)
-            after += process
-            lower = dpotrf(after, lower=1)[0]
-            settled = frame > start and frame % LOOKS == 0 and _near(after, prior)
-            last = stop if settled else frame + 1
-            kinds[frame:last] = len(roots)
-            roots.append(root)
-            backs.append(dpotrs(lower, spread, lower=1)[0])
-            volumes.append(factor.diagonal())
-            counts.append(last - frame)
-            prior, frame = after, last
-    stacked = np.array(roots)
-    covariances = stacked @ stacked.swapaxes(1, 2)
-    gains = stacked @ np.array(backs).swapaxes(1, 2)
-    first = np.searchsorted(kinds, np.arange(len(roots)))
-    shrunk = np.eye(n_states) - covariances @ evidence.compared[evidence.kinds[first]]
-    shrunk[1:] = shrunk[1:] @ transition
-    means = _recur(np.concatenate([shrunk, covariances], axis=2), kinds, dynamics.start, evidence.vectors)
+def kalman_filter(dynamics: Dynamics, measurements: Measurements) -> Filtered:
+    """Return the filtered means and covariances of all frames."""
+    transition, n_states = dynamics.transition, len(dynamics.transition)
+    roots, gain_factors, diagonals, counts, index = _filtered_covariances(dynamics, measurements)
+    covariances = roots @ roots.swapaxes(1, 2)  # V = K Kᵀ
+    gains = roots @ gain_factors.swapaxes(1, 2)  # J = K (P_{t+1}⁻¹ A K)ᵀ
+    # μ_t = (I − V G) A μ_{t−1} + V h_t; the first mean is predicted to be m itself, without A.
+    first = np.searchsorted(index, np.arange(len(roots)))
+    shrinkage = np.eye(n_states) - covariances @ measurements.innovation_information[measurements.index[first]]
+    shrinkage[1:] = shrinkage[1:] @ transition
+    updates = np.concatenate([shrinkage, covariances], axis=2)
+    means = _recursion(updates, index, dynamics.start, measurements.vectors)
     return Filtered(
-        predicted=np.concatenate([dynamics.start[None], means[:-1] @ transition.T]),
+        predicted_means=np.concatenate([dynamics.start[None], means[:-1] @ transition.T]),
         means=means,
         covariances=covariances,
         gains=gains,
-        rests=covariances - gains @ (transition @ covariances),
-        kinds=kinds,
-        log_volume=2.0 * float(np.dot(counts, np.log(np.array(volumes)).sum(axis=1))),
+        residual_covariances=covariances - gains @ (transition @ covariances),
+        index=index,
+        log_determinant=2.0 * float(np.dot(counts, np.log(diagonals).sum(axis=1))),
     )
 
 
-def _near(covariance: Floats, other: Floats) -> bool:
-    return bool(np.abs(covariance - other).max() <= SETTLED * covariance.diagonal().max())
+def _filtered_covariances(
+    dynamics: Dynamics, measurements: Measurements
+) -> tuple[Floats, Floats, Floats, list[int], Ints]:
+    """Return the roots K of V = K Kᵀ, P_{t+1}⁻¹ A K, the diagonals of R, the frames of each, and the index (T,)."""
+    transition, process = dynamics.transition, dynamics.process
+    n_frames, n_states = measurements.vectors.shape
+    index = np.empty(n_frames, dtype=np.intp)
+    roots: list[Floats] = []
+    gain_factors: list[Floats] = []
+    diagonals: list[Floats] = []
+    counts: list[int] = []
+    diagonal = slice(None, None, n_states + 1)
+    predicted = dynamics.start_covariance
+    lower = dpotrf(predicted, lower=1)[0]
+    for start, stop in _constant_runs(measurements.index):
+        information, frame = measurements.information[measurements.index[start]], start
+        while frame < stop:
+            # S = I + Lᵀ G L = R Rᵀ
+            scaled = lower.T.dot(information.dot(lower))
+            scaled.ravel()[diagonal] += 1.0
+            factor = dpotrf(scaled.T, lower=1, clean=0, overwrite_a=1)[0]
+            # K = L R⁻ᵀ, the root of V = L S⁻¹ Lᵀ
+            root = dtrtrs(factor, lower.T, lower=1)[0].T
+            # P_{t+1} = A K (A K)ᵀ + Q = L Lᵀ
+            moved = transition.dot(root)
+            following = moved.dot(moved.T)
+            following += process
+            lower = dpotrf(following, lower=1)[0]
+            # The steady state serves all frames that are left of the run.
+            tested = frame > start and frame % STEADY_TEST_INTERVAL == 0
+            last = stop if tested and _is_steady(following, predicted) else frame + 1
+            index[frame:last] = len(roots)
+            roots.append(root)
+            gain_factors.append(dpotrs(lower, moved, lower=1)[0])
+            diagonals.append(factor.diagonal())
+            counts.append(last - frame)
+            predicted, frame = following, last
+    return np.array(roots), np.array(gain_factors), np.array(diagonals), counts, index
 
 
-def _recur(updates: Floats, kinds: Ints, start: Floats, inputs: Floats) -> Floats:
-    """y_t = U_t [y_{t−1}, u_t] with y_0 = start, U = updates[kinds] of (K, H, 2H) and inputs u (T, H): y (T, H)."""
+def _is_steady(covariance: Floats, other: Floats) -> bool:
+    """Whether two covariances of successive frames differ by rounding alone."""
+    return bool(np.abs(covariance - other).max() <= STEADY_CHANGE * covariance.diagonal().max())
+
+
+def _recursion(updates: Floats, index: Ints, start: Floats, inputs: Floats) -> Floats:
+    """Return y (T, H) of y_t = U_t [y_{t−1}, u_t], y_0 = start, for inputs u (T, H) and U = updates[index] (H, 2H)."""
     n_frames, n_states = inputs.shape
+    # Row t holds [y_{t−1}, u_t]; each product is written into the next row.
     table = np.empty((n_frames + 1, 2 * n_states))
     table[0, :n_states] = start
     table[:-1, n_states:] = inputs
-    for kind, row, following in zip(kinds.tolist(), table, table[1:, :n_states], strict=False):
-        np.dot(updates[kind], row, out=following)
+    for update, row, following in zip(index.tolist(), table, table[1:, :n_states], strict=False):
+        np.dot(updates[update], row, out=following)
     return table[1:, :n_states]
 
 
-def _runs(kinds: Ints) -> list[tuple[int, int]]:
-    edges = np.flatnonzero(np.diff(kinds)) + 1
-    return list(zip([0, *edges.tolist()], [*edges.tolist(), len(kinds)], strict=True))
+def _constant_runs(index: Ints) -> list[tuple[int, int]]:
+    """Return the runs (start, stop) of frames with one value of the index, half open."""
+    edges = np.flatnonzero(np.diff(index)) + 1
+    return list(zip([0, *edges.tolist()], [*edges.tolist(), len(index)], strict=True))
 
 
-def backward(dynamics: Dynamics, filtered: Filtered) -> Smoothed:
-    """The Rauch-Tung-Striebel smoother."""
+def rts_smoother(dynamics: Dynamics, filtered: Filtered) -> Smoothed:
+    """Return the smoothed means and covariances of all frames."""
     transition, gains = dynamics.transition, filtered.gains
     n_states = len(transition)
+    # ẑ_t = J ẑ_{t+1} + (I − J A) μ_t, from the last frame backwards
     updates = np.concatenate([gains, np.eye(n_states) - gains @ transition], axis=2)
     earlier, last = filtered.means[-2::-1], filtered.means[-1]
-    means = np.concatenate([last[None], _recur(updates, filtered.kinds[-2::-1], last, earlier)])[::-1]
-    smoothed, counts = [filtered.covariances[filtered.kinds[-1]]], [1]
+    means = np.concatenate([last[None], _recursion(updates, filtered.index[-2::-1], last, earlier)])[::-1]
+    covariances, counts = [filtered.covariances[filtered.index[-1]]], [1]
     lagged = np.zeros((n_states, n_states))
-    for start, stop in reversed(_runs(filtered.kinds[:-1])):
-        gain, rest, frame = gains[filtered.kinds[start]], filtered.rests[filtered.kinds[start]], stop
+    for start, stop in reversed(_constant_runs(filtered.index[:-1])):
+        gain, residual = gains[filtered.index[start]], filtered.residual_covariances[filtered.index[start]]
+        frame = stop
         while frame > start:
-            after = smoothed[-1]
-            across = gain.dot(after)
-            before = across.dot(gain.T)
-            before += rest
-            settled = frame < stop and frame % LOOKS == 0 and _near(before, after)
-            count = frame - start if settled else 1
-            lagged += count * across
-            smoothed.append(before)
+            # V̂_t = (V − J A V) + J V̂_{t+1} Jᵀ and cov(z_t, z_{t+1}) = J V̂_{t+1}
+            following = covariances[-1]
+            cross = gain.dot(following)
+            covariance = cross.dot(gain.T)
+            covariance += residual
+            tested = frame < stop and frame % STEADY_TEST_INTERVAL == 0
+            count = frame - start if tested and _is_steady(covariance, following) else 1
+            lagged += count * cross
+            covariances.append(covariance)
             counts.append(count)
             frame -= count
     return Smoothed(
         means=means,
-        covariances=np.array(smoothed[::-1]),
-        kinds=np.repeat(np.arange(len(counts)), counts[::-1]),
+        covariances=np.array(covariances[::-1]),
+        index=np.repeat(np.arange(len(counts)), counts[::-1]),
         lagged=lagged.T,
     )

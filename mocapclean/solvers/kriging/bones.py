@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.geometry.bone_projection import project
+from mocapclean.geometry.bone_projection import project_to_bone_lengths
 from mocapclean.take import Take
 from mocapclean.take.bones import known_bones, rigid_pairs
 
@@ -49,4 +49,4 @@ class Bones:
         median_sd = np.sqrt(median_variance)
         precision = median_variance / np.where(filled, np.maximum(sd, MIN_SAMPLE_SD * median_sd), 1.0) ** 2
         weights = median_variance / np.maximum(self.spreads, MIN_BONE_SD * median_sd) ** 2
-        return project(positions, filled, trusted, self.ends, self.lengths, weights, precision)[0]
+        return project_to_bone_lengths(positions, filled, trusted, self.ends, self.lengths, weights, precision)[0]

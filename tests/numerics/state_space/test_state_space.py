@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expect
-from mocapclean.numerics.state_space.smoother import Dynamics, Masks, Smoothed, backward, forward, observe
+from mocapclean.numerics.state_space.linear_dynamics import LinearSystem, expectation_step
+from mocapclean.numerics.state_space.smoother import Dynamics, Masks, Smoothed, kalman_filter, measure, rts_smoother
 
 STATES, GROUPS, NOISE = 3, 3, 0.2
 
@@ -18,7 +18,7 @@ def system(rng: np.random.Generator, start: float = 0.5) -> LinearSystem:
         start=rng.normal(size=STATES),
         start_covariance=start * np.eye(STATES),
     )
-    return LinearSystem(dynamics=dynamics, loadings=rng.normal(size=(2 * GROUPS, STATES)), noise=NOISE)
+    return LinearSystem(dynamics=dynamics, loadings=rng.normal(size=(2 * GROUPS, STATES)), noise_variance=NOISE)
 
 
 def dense(known: np.ndarray, values: np.ndarray, of: LinearSystem) -> tuple[np.ndarray, np.ndarray, float]:
@@ -34,7 +34,7 @@ def dense(known: np.ndarray, values: np.ndarray, of: LinearSystem) -> tuple[np.n
     mean, covariance = np.linalg.solve(jump, shift), np.linalg.solve(jump, np.linalg.solve(jump, noise).T)
     rows = np.kron(np.eye(n_frames), of.loadings)[known.ravel()]
     innovation = values.ravel()[known.ravel()] - rows @ mean
-    seen = rows @ covariance @ rows.T + of.noise * np.eye(len(rows))
+    seen = rows @ covariance @ rows.T + of.noise_variance * np.eye(len(rows))
     gain = np.linalg.solve(seen, rows @ covariance).T
     likelihood = -0.5 * (
         len(rows) * np.log(2 * np.pi) + np.linalg.slogdet(seen)[1] + innovation @ np.linalg.solve(seen, innovation)
@@ -64,10 +64,10 @@ def test_posterior_is_that_of_one_big_gaussian(rng, kind, n_frames):
     known = np.repeat(seen, 2, axis=1)
     values = np.where(known, rng.normal(size=known.shape), 0.0)
     means, covariance, likelihood = dense(known, values, of)
-    smoothed, ours = expect(of, values, Masks(seen))
+    smoothed, ours = expectation_step(of, values, Masks(seen))
     np.testing.assert_allclose(smoothed.means, means, atol=1e-10)
     for t in range(n_frames):
-        np.testing.assert_allclose(smoothed.covariances[smoothed.kinds[t]], block(covariance, t, t), atol=1e-10)
+        np.testing.assert_allclose(smoothed.covariances[smoothed.index[t]], block(covariance, t, t), atol=1e-10)
     lagged = sum((block(covariance, t + 1, t) for t in range(n_frames - 1)), np.zeros((STATES, STATES)))
     np.testing.assert_allclose(smoothed.lagged, lagged, atol=1e-9)
     assert ours == pytest.approx(likelihood, rel=1e-10, abs=1e-10)
@@ -76,44 +76,46 @@ def test_posterior_is_that_of_one_big_gaussian(rng, kind, n_frames):
 def test_covariances_are_computed_no_further_once_they_settle(rng):
     of, seen = system(rng), masks_of("blocks", 3000, rng)
     values = np.where(np.repeat(seen, 2, axis=1), rng.normal(size=(3000, 6)), 0.0)
-    filtered = forward(of.dynamics, observe(of.loadings, of.noise, values, Masks(seen)))
-    smoothed = backward(of.dynamics, filtered)
+    filtered = kalman_filter(of.dynamics, measure(of.loadings, of.noise_variance, values, Masks(seen)))
+    smoothed = rts_smoother(of.dynamics, filtered)
     assert len(filtered.covariances) < 300
     assert len(smoothed.covariances) < 400
-    assert len(smoothed.kinds) == len(filtered.kinds) == 3000
+    assert len(smoothed.index) == len(filtered.index) == 3000
 
 
 def test_a_start_of_no_knowledge_is_no_trouble(rng):
     of, seen = system(rng, start=1e12), masks_of("blocks", 40, rng)
     values = np.where(np.repeat(seen, 2, axis=1), rng.normal(size=(40, 6)), 0.0)
     shifted = Dynamics(**{**vars(of.dynamics), "start": of.dynamics.start + 100})
-    one = expect(of, values, Masks(seen))[0].means
-    other = expect(LinearSystem(dynamics=shifted, loadings=of.loadings, noise=of.noise), values, Masks(seen))[0].means
+    one = expectation_step(of, values, Masks(seen))[0].means
+    other = expectation_step(
+        LinearSystem(dynamics=shifted, loadings=of.loadings, noise_variance=of.noise_variance), values, Masks(seen)
+    )[0].means
     np.testing.assert_allclose(one, other, atol=1e-6)
 
 
 def test_second_moments_are_weighted_sums_over_frames(rng):
-    kinds = np.array([0, 1, 1, 1, 2, 2])
+    index = np.array([0, 1, 1, 1, 2, 2])
     roots = rng.normal(size=(3, STATES, STATES))
     smoothed = Smoothed(
         means=rng.normal(size=(6, STATES)),
         covariances=roots @ roots.swapaxes(1, 2),
-        kinds=kinds,
+        index=index,
         lagged=np.zeros((STATES, STATES)),
     )
     weights = rng.random((2, 6))
-    each = smoothed.covariances[kinds] + smoothed.means[:, :, None] * smoothed.means[:, None]
+    each = smoothed.covariances[index] + smoothed.means[:, :, None] * smoothed.means[:, None]
     np.testing.assert_allclose(smoothed.second_moments(weights), np.einsum("gt,tij->gij", weights, each), rtol=1e-12)
 
 
 def test_predicted_values_leave_the_mean_to_the_seen_columns_and_narrow_the_covariance(rng):
     of, seen = system(rng), masks_of("blocks", 40, rng)
     values = np.where(np.repeat(seen, 2, axis=1), rng.normal(size=(40, 6)), 0.0)
-    plain, told = (observe(of.loadings, of.noise, values, Masks(seen), predict=p) for p in (False, True))
-    filtered = forward(of.dynamics, told)
-    everything = forward(of.dynamics, observe(of.loadings, of.noise, values, Masks(np.ones_like(seen))))
-    np.testing.assert_allclose(filtered.covariances[filtered.kinds], everything.covariances[everything.kinds])
+    plain, predicting = (measure(of.loadings, of.noise_variance, values, Masks(seen), predict=p) for p in (False, True))
+    filtered = kalman_filter(of.dynamics, predicting)
+    everything = kalman_filter(of.dynamics, measure(of.loadings, of.noise_variance, values, Masks(np.ones_like(seen))))
+    np.testing.assert_allclose(filtered.covariances[filtered.index], everything.covariances[everything.index])
     t = 30
-    V, G = filtered.covariances[filtered.kinds[t]], plain.information[plain.kinds[t]]
-    expected = filtered.predicted[t] + V @ (plain.vectors[t] - G @ filtered.predicted[t])
+    V, G = filtered.covariances[filtered.index[t]], plain.information[plain.index[t]]
+    expected = filtered.predicted_means[t] + V @ (plain.vectors[t] - G @ filtered.predicted_means[t])
     np.testing.assert_allclose(filtered.means[t], expected, atol=1e-12)

@@ -4,7 +4,7 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
-from mocapclean.numerics.low_rank.completion import Completion
+from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.shrinkage import top_singular_directions
 
 
@@ -21,7 +21,7 @@ def test_iterates_are_those_of_the_alternating_directions(rng, keep, relaxation,
     values, known = problem(rng)
     mu, n = 0.7, 20
     tangent = top_singular_directions(values, 2) if with_tangent else np.zeros_like(values)
-    completion = Completion(values, known, penalty=mu, relaxation=relaxation)
+    completion = NuclearNormCompletion(values, known, penalty=mu, relaxation=relaxation)
     completion.run(keep=keep, tangent=tangent, tolerance=0.0, change_tolerance=0.0, max_iterations=n)
     W, Y = values.copy(), np.where(known, 0.0, tangent)
     for _ in range(n):
@@ -40,7 +40,7 @@ def test_iterates_are_those_of_the_alternating_directions(rng, keep, relaxation,
 
 def test_penalty_grows_only_when_the_iterate_has_settled_and_keeps_the_multiplier(rng):
     values, known = problem(rng)
-    completion = Completion(values, known, penalty=0.5)
+    completion = NuclearNormCompletion(values, known, penalty=0.5)
     completion.run(tolerance=0.0, change_tolerance=0.0, max_iterations=5, growth=2.0, settled=0.0)
     assert completion.penalty == 0.5
     before = completion.multiplier.copy()
@@ -54,7 +54,7 @@ def test_penalty_grows_only_when_the_iterate_has_settled_and_keeps_the_multiplie
 def test_convex_problem_agrees_with_an_interior_point_solver(rng, rank):
     values, known = problem(rng, (9, 7))
     tangent = top_singular_directions(values, rank)
-    completion = Completion(values, known, penalty=2.0, relaxation=1.7)
+    completion = NuclearNormCompletion(values, known, penalty=2.0, relaxation=1.7)
     assert completion.run(tangent=tangent, tolerance=1e-9, change_tolerance=1e-9, max_iterations=50000)
     X = cp.Variable(values.shape)
     cost = cp.normNuc(X) - cp.sum(cp.multiply(tangent, X))
@@ -66,7 +66,7 @@ def test_convex_problem_agrees_with_an_interior_point_solver(rng, rank):
 
 def test_multiplier_is_a_subgradient_of_the_nuclear_norm(rng):
     values, known = problem(rng)
-    completion = Completion(values, known, penalty=2.0, relaxation=1.7)
+    completion = NuclearNormCompletion(values, known, penalty=2.0, relaxation=1.7)
     assert completion.run(tolerance=1e-9, change_tolerance=1e-9, max_iterations=50000)
     Y = completion.multiplier
     u, s, v = np.linalg.svd(completion.filled, full_matrices=False)
@@ -82,7 +82,7 @@ def test_free_singular_values_recover_what_the_nuclear_norm_shrinks(rng):
     known = rng.random(truth.shape) < 0.45
     error = {}
     for keep in (0, 3):
-        completion = Completion(np.where(known, truth, 0.0), known, penalty=1.0)
+        completion = NuclearNormCompletion(np.where(known, truth, 0.0), known, penalty=1.0)
         completion.run(tolerance=1e-8, change_tolerance=1e-8, max_iterations=1000)
         completion.run(keep=keep, tolerance=1e-8, change_tolerance=1e-8, max_iterations=4000)
         error[keep] = np.linalg.norm(completion.filled - truth) / np.linalg.norm(truth)
@@ -94,12 +94,12 @@ def test_free_singular_values_recover_what_the_nuclear_norm_shrinks(rng):
 def test_extrapolation_comes_to_the_same_answer_sooner_and_keeps_what_is_known(rng, rank):
     values, known = problem(rng)
     tangent = top_singular_directions(values, rank)
-    found = []
+    completions = []
     for memory in (0, 6):
-        completion = Completion(values, known, penalty=0.3, memory=memory)
+        completion = NuclearNormCompletion(values, known, penalty=0.3, memory=memory)
         assert completion.run(tangent=tangent, tolerance=1e-9, change_tolerance=1e-9, max_iterations=20000)
-        found.append(completion)
-    plain, fast = found
+        completions.append(completion)
+    plain, fast = completions
     assert 2 * len(fast.trace) < len(plain.trace)
     np.testing.assert_allclose(fast.filled, plain.filled, atol=1e-6)
     np.testing.assert_allclose(fast.multiplier, plain.multiplier, atol=1e-6)
