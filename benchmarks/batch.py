@@ -29,7 +29,7 @@ CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 LOOP = """
 import sys
 from pathlib import Path
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.report import record
 from mocapclean.pipeline.repair import repair
 source, out = Path(sys.argv[1]), Path(sys.argv[2])

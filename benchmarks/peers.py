@@ -21,7 +21,7 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.evaluation.metrics import error
 from mocapclean.simulate import hide, single_gaps
 from mocapclean.solvers import SOLVERS

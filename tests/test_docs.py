@@ -9,7 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from mocapclean.cli import cli
-from mocapclean.config.settings import Settings, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import Settings
 from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS
 

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 
 import click
 
-from mocapclean.config.settings import Settings, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])

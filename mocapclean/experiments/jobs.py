@@ -13,7 +13,7 @@ import numpy as np
 
 from mocapclean import formats
 from mocapclean.arrays import Bools, Floats
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.simulate import block_loss, hide, random_loss

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.arrays import Bools, runs
-from mocapclean.config.settings import DEFAULT_METHOD, Limits, MarkerLimits, Settings
+from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import self_check
@@ -93,7 +93,7 @@ def _longest(column: Bools) -> tuple[int, int]:
     return max(((int(stop - start), int(start)) for start, stop in runs(column)), default=(0, 0))
 
 
-def _of_take(play: Take, measures: dict[str, float], bone: str, limits: Limits) -> Iterator[Breach]:
+def _of_take(play: Take, measures: dict[str, float], bone: str, limits: TakeLimits) -> Iterator[Breach]:
     """The limits on the take as a whole."""
     for name, what, unit, advice in (
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
@@ -148,7 +148,7 @@ def _of_markers(play: Take, missing: Bools, pattern: str, limits: MarkerLimits) 
                 )
 
 
-def _others(play: Take, limits: Limits) -> list[int]:
+def _others(play: Take, limits: TakeLimits) -> list[int]:
     """The markers that have no longest gap of their own."""
     own = {c for name, one in limits.markers.items() if one.longest_gap is not None for c in _columns(play, name)}
     return [column for column in range(len(play.markers)) if column not in own]
@@ -170,7 +170,7 @@ def _gaps(play: Take, missing: Bools, columns: list[int], limit: int | None) -> 
             )
 
 
-def _required(play: Take, limits: Limits) -> Iterator[Breach]:
+def _required(play: Take, limits: TakeLimits) -> Iterator[Breach]:
     for pattern in limits.required:
         columns = _columns(play, pattern)
         seen = [column for column in columns if play.trusted[:, column].any()]

@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from mocapclean.config.settings import Limits, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import TakeLimits
 from mocapclean.formats import c3d
 from mocapclean.pipeline.check import Check
 from mocapclean.pipeline.outcome import Breach, Verdict
@@ -83,7 +84,7 @@ def test_every_limit_is_kept_or_not(takes, name, asked, allowed, limit):
 
 def test_every_limit_has_a_case():
     tried = {key for _, asked, *_ in LIMITS for key in asked} | {"swaps", "units"}
-    assert tried == set(Limits.model_fields)
+    assert tried == set(TakeLimits.model_fields)
 
 
 def test_a_markers_own_gap_stands_in_place_of_the_general_one(takes):
@@ -211,7 +212,7 @@ def shop(takes, tmp_path, monkeypatch):
 
 def test_the_documented_limits_are_all_of_them(shop):
     settings = resolve(shop / "studio.yaml", {})
-    assert settings.check.model_fields_set == set(Limits.model_fields)
+    assert settings.check.model_fields_set == set(TakeLimits.model_fields)
 
 
 @pytest.mark.parametrize("name", ["github", "gitlab"])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.formats import read
 from mocapclean.pipeline.repair import repair
 from tests.c3d_builder import C3D
