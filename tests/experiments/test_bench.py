@@ -106,7 +106,7 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(folder, tmp_path, monkeypat
 
     monkeypatch.setattr(SOLVERS["spline"], "solve", interrupted)
     code, _, err = run(*arguments, tmp_path / "parts")
-    assert (code, "interrupted" in err) == (130, True)
+    assert (code, "Interrupted" in err) == (130, True)
     kept = (tmp_path / "parts" / "compare.csv").read_text(encoding="utf-8")
     assert len(kept.splitlines()) == 1 + 3
     assert run(*arguments, tmp_path / "parts")[0] == 0

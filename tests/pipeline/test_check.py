@@ -163,7 +163,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
     code, out, err = run(takes, "--junit", tmp_path / "check.xml")
     assert code == 130
     assert "takes pass" not in out
-    assert re.search("interrupted after [12] of 4 takes; nothing was written", err)
+    assert re.search("Interrupted after [12] of 4 takes. No file was written", err)
     assert not list(tmp_path.iterdir())
 
 
@@ -171,7 +171,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
     ("arguments", "message"),
     [
         (["nowhere"], "nowhere: the file or folder must exist"),
-        (["{empty}"], "there must be takes in the folders"),
+        (["{empty}"], "the folders must hold at least one take"),
         (["{take}", "--junit", "{take}"], "must not be"),
         (["{take}", "--set", "check.longest_gap=-1"], "check.longest_gap must be"),
         (["{take}", "--set", "check.longest_gab=1"], "Did you mean 'longest_gap'"),
