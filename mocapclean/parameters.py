@@ -1,4 +1,4 @@
-"""What the parameters of solvers and trust rules share: an unknown name, a wrong type, NaN or inf is refused."""
+"""Strict validation of parameters: unknown names, wrong types, NaN and infinity are refused."""
 
 from pydantic import ConfigDict
 
