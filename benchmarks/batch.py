@@ -1,13 +1,13 @@
-"""Thousands of takes through ``mocapclean fill``: rows, memory of the parent, throughput against a plain loop.
+"""Thousands of takes through ``mocapclean fill``: rows, memory, and throughput compared with a plain loop.
 
     python benchmarks/batch.py [folder of captures] [--takes 2000] [--broken 200] [--few 200] [--method linear]
 
-Copies the captures under many names (hard links) into a temporary folder, with broken ones among them, and runs
+Copies the captures under many names (hard links) into a temporary folder, together with damaged files, and runs
 
-- a few and all of them on two workers: the most memory that the parent held, each time; every take has one true row;
+- a few and all of them on two workers: the peak memory of the main process; every take has one correct row;
 - the same few takes in a plain loop over ``repair`` in one process, on one worker and on two: seconds of wall time.
 
-Compare seconds only when the machine does nothing else; ratios are within one run.
+Compare seconds only on an idle machine; ratios are within one run.
 """
 
 import os
@@ -29,7 +29,7 @@ CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 LOOP = """
 import sys
 from pathlib import Path
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.report import record
 from mocapclean.pipeline.repair import repair
 source, out = Path(sys.argv[1]), Path(sys.argv[2])
@@ -43,7 +43,7 @@ with open(sys.argv[4], "w") as report:
 
 
 def copies(captures: Path, folder: Path, n_takes: int, n_broken: int, largest: int) -> Path:
-    """Takes under many names, the .asf of an .amc beside it, and broken ones."""
+    """Copy takes under many names, each .amc with its .asf, and damaged files; return the folder."""
     rng = random.Random(2018)
     takes = sorted(p for p in captures.rglob("*") if p.suffix.lower() in (".c3d", ".bvh", ".amc"))
     takes = [path for path in takes if path.stat().st_size <= largest]
@@ -74,21 +74,21 @@ def _linkable(path: Path, folder: Path) -> bool:
 
 
 def run(command: list[str]) -> tuple[float, int]:
-    """Seconds of wall time, and the most memory in bytes that the process itself held."""
+    """Return the seconds of wall time of a command and the peak memory of its process in bytes."""
     started = perf_counter()
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    most = 0
+    peak = 0
     while process.poll() is None:
         try:
             status = Path(f"/proc/{process.pid}/status").read_text()
-            most = max(most, *(int(line.split()[1]) << 10 for line in status.splitlines() if line.startswith("VmHWM")))
+            peak = max(peak, *(int(line.split()[1]) << 10 for line in status.splitlines() if line.startswith("VmHWM")))
         except (OSError, TypeError):
             pass
         try:
             process.wait(0.2)
         except subprocess.TimeoutExpired:
             continue
-    return perf_counter() - started, most
+    return perf_counter() - started, peak
 
 
 def fill(source: Path, out: Path, method: str, workers: int) -> tuple[float, int]:
@@ -98,7 +98,7 @@ def fill(source: Path, out: Path, method: str, workers: int) -> tuple[float, int
 
 
 def check(source: Path, out: Path, n_takes: int) -> str:
-    """What the report says, held against what is there."""
+    """Return the totals of a report; fail unless its rows agree with the inputs and outputs."""
     report = json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
     rows = {take["source"]: take for take in report["takes"]}
     assert len(rows) == len(report["takes"]) == n_takes
@@ -108,8 +108,8 @@ def check(source: Path, out: Path, n_takes: int) -> str:
             assert hashlib.sha256(Path(row["output"]).read_bytes()).hexdigest() == row["sha256"]["output"]
             assert hashlib.sha256(Path(row["source"]).read_bytes()).hexdigest() == row["sha256"]["source"]
             written.add(row["output"])
-    there = {str(path) for path in out.rglob("*") if path.is_file() and ".mocapclean" not in path.parts}
-    assert there == written
+    outputs = {str(path) for path in out.rglob("*") if path.is_file() and ".mocapclean" not in path.parts}
+    assert outputs == written
     return ", ".join(f"{name} {count:,}" for name, count in report["totals"].items() if name != "samples")
 
 
@@ -126,19 +126,19 @@ def main() -> None:
         folder = Path(place)
         few = copies(options.captures, folder / "few", options.few, 0, options.largest)
         many = copies(options.captures, folder / "many", options.takes, options.broken, options.largest)
-        seconds, most = {}, {}
+        seconds, memory = {}, {}
         loop = [sys.executable, "-c", LOOP, few, folder / "loop", options.method, folder / "loop.json"]
         seconds["loop"], _ = run([str(word) for word in loop])
         for workers in (1, 2):
-            seconds[workers], most["few"] = fill(few, folder / f"few{workers}", options.method, workers)
+            seconds[workers], memory["few"] = fill(few, folder / f"few{workers}", options.method, workers)
         print(f"{options.few} takes: {check(few, folder / 'few2', options.few)}")
         print(f"  plain loop {seconds['loop']:.1f} s, 1 worker {seconds[1]:.1f} s, 2 workers {seconds[2]:.1f} s")
         print(f"  1 worker / loop: {seconds['loop'] / seconds[1]:.2f}, 2 workers / 1: {seconds[1] / seconds[2]:.2f}")
-        taken, most["many"] = fill(many, folder / "many2", options.method, 2)
+        taken, memory["many"] = fill(many, folder / "many2", options.method, 2)
         n_many = options.takes + options.broken
         print(f"{n_many} takes, 2 workers, {taken:.1f} s: {check(many, folder / 'many2', n_many)}")
-        print(f"  parent: {most['few'] >> 20} MB for few, {most['many'] >> 20} MB for all", end=", ")
-        print(f"ratio {most['many'] / most['few']:.2f}")
+        print(f"  main process: {memory['few'] >> 20} MB for few, {memory['many'] >> 20} MB for all", end=", ")
+        print(f"ratio {memory['many'] / memory['few']:.2f}")
 
 
 if __name__ == "__main__":

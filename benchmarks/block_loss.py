@@ -1,9 +1,9 @@
-"""Lose 10 random joints in every block of 60 frames of a whole take and repair it with the installed command.
+"""Hide 10 random joints in every block of 60 frames of a take, and repair it with the installed command.
 
     python benchmarks/block_loss.py TAKE [TAKE ...] [--method trnn2] [--length 60] [--out 10] [--seed 0]
 
-The spans go into a CSV for ``--gaps``, the take itself is its own ``--reference``: what is printed is the command's own
-report. The repaired file lands in a temporary folder.
+The spans are written to a CSV for ``--gaps``, and the take is its own ``--reference``. Prints the command's own report.
+The repaired file is written to a temporary folder.
 """
 
 import argparse
@@ -21,14 +21,14 @@ from mocapclean.arrays import column_runs
 from mocapclean.simulate import block_loss
 
 
-def lose(path: Path, length: int, out: int, seed: int, spans: Path) -> None:
-    """Write the spans of a block loss of this take as CSV."""
+def write_spans(path: Path, length: int, out: int, seed: int, spans: Path) -> None:
+    """Write the spans of a block loss of a take as CSV."""
     take = mocapclean.read(path)
-    missing = block_loss(*take.trusted.shape, length, out, np.random.default_rng(seed))
+    hidden = block_loss(*take.trusted.shape, length, out, np.random.default_rng(seed))
     with spans.open("w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["marker", "first", "last"])
-        for marker, start, stop in column_runs(missing):
+        for marker, start, stop in column_runs(hidden):
             rows.writerow([take.markers[marker], *take.numbers(start, stop)])
 
 
@@ -44,7 +44,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         for take in given.takes:
             spans = Path(folder) / "spans.csv"
-            lose(take, given.length, given.out, given.seed, spans)
+            write_spans(take, given.length, given.out, given.seed, spans)
             options = ["--method", given.method, "--gaps", spans, "--no-detect", "--reference", take]
             subprocess.run(
                 [command, "fill", take, *options, "--out-dir", folder, "--no-report", "--overwrite"], check=False

@@ -1,8 +1,8 @@
-"""What ``mocapclean check`` costs beside reading the same takes and running the rules over them in a plain loop.
+"""Time of ``mocapclean check``, compared with a plain loop that reads the takes and runs the trust rules.
 
     python benchmarks/check.py FOLDER [--workers 1]
 
-Wall time of both and their ratio, for a machine that does nothing else. Takes that cannot be read count in both.
+Prints the wall time of both and their ratio; use an idle machine. Both include takes that cannot be read.
 """
 
 import os
@@ -31,7 +31,7 @@ for path in sorted(p for p in Path(sys.argv[1]).rglob("*") if p.suffix.lower() i
 
 
 def spent(command):
-    """Seconds of wall time; what it prints is thrown away."""
+    """Return the seconds of wall time of a command; its output is discarded."""
     begin = perf_counter()
     subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
     return perf_counter() - begin

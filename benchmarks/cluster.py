@@ -1,10 +1,10 @@
-"""Takes through ``mocapclean fill`` on a Dask cluster of this machine, against the same takes on local workers.
+"""Takes through ``mocapclean fill`` on a Dask cluster of this machine, compared with local workers.
 
     python benchmarks/cluster.py [folder of captures] [--takes 200] [--broken 20] [--largest 1500000]
 
-A scheduler and two workers run as separate processes; in a second run one of the workers is killed in the middle. The
-outputs of the three runs must be the same to the byte, and so must the rows of their reports but for what tells of the
-run itself (seconds, where outputs lie). Needs the extra ``cluster``.
+A scheduler and two workers run as separate processes. In a second run one of the workers is killed half-way. The three
+runs must write the same bytes, and reports with the same rows except for seconds and paths of outputs. Needs the extra
+``cluster``.
 """
 
 import os
@@ -26,33 +26,33 @@ from batch import CAPTURES, copies
 
 
 def dask(folder, *words):
-    """A scheduler or a worker, in a process group of its own."""
+    """Start a scheduler or a worker in a process group of its own."""
     command = [sys.executable, "-m", "distributed.cli.dask_" + words[0], *map(str, words[1:])]
     quiet = subprocess.DEVNULL
     return subprocess.Popen(command, cwd=folder, stdout=quiet, stderr=quiet, start_new_session=True)
 
 
 def fill(source, out, *words):
-    """Start a run."""
+    """Start a run of ``mocapclean fill``."""
     command = ["fill", source, "--out-dir", out, "--method", "linear", "--quiet", "--report", out.with_suffix(".json")]
     return subprocess.Popen([sys.executable, "-m", "mocapclean", *map(str, [*command, *words])], stdout=sys.stderr)
 
 
 def outputs(out):
-    """Digest by name of every output."""
+    """Return the SHA-256 of every output by name."""
     files = (path for path in out.rglob("*") if path.is_file() and ".mocapclean" not in path.parts)
     return {str(path.relative_to(out)): hashlib.sha256(path.read_bytes()).hexdigest() for path in files}
 
 
 def rows(out):
-    """The rows of a report by source, without what tells of the run."""
+    """Return the rows of a report by source, without seconds and with relative paths."""
     report = json.loads(out.with_suffix(".json").read_text(encoding="utf-8"))
     assert len({take["source"] for take in report["takes"]}) == len(report["takes"])
-    told = {take.pop("source"): take for take in report["takes"]}
-    for take in told.values():
+    by_source = {take.pop("source"): take for take in report["takes"]}
+    for take in by_source.values():
         take.pop("seconds", None)
         take["output"] = take["output"] and os.path.relpath(take["output"], out)
-    return told
+    return by_source
 
 
 def main() -> None:

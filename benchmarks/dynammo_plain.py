@@ -1,8 +1,8 @@
-"""dynammo against a textbook Kalman filter and smoother: seconds per iteration, their ratio, the largest difference.
+"""dynammo compared with a textbook Kalman filter and smoother: seconds per iteration, ratio, largest difference.
 
-The textbook forms and inverts the covariance of the innovation of every frame and keeps every matrix of every frame.
-Both run the same number of iterations of exact expectation maximisation from the same start, on joints with 10 of
-them missing in every block of 60 frames, and, with --random, with a third of the samples missing at random.
+The textbook version forms and inverts the innovation covariance of every frame and stores all matrices of all frames.
+Both run the same number of iterations of exact expectation maximisation from the same start. 10 joints are missing in
+every block of 60 frames; with --random, a third of the samples is missing at random.
 
     python benchmarks/dynammo_plain.py [--random] [folder of captures]
 """
@@ -34,7 +34,7 @@ STATES, ITERATIONS = 16, 3
 
 
 def textbook(system, values, known):
-    """One E-step and M-step: (A, q, m, p, C, r) and the log-likelihood."""
+    """Return (A, q, m, p, C, r), the smoothed means and the log-likelihood after one E-step and M-step."""
     A, Q = system["A"], system["q"] * np.eye(STATES)
     C, r = system["C"], system["r"]
     n_frames = len(values)

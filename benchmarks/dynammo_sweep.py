@@ -1,8 +1,8 @@
-"""The sweep behind the defaults of dynammo and bolero: one parameter at a time, on captures that no result is for.
+"""The sweep behind the defaults of dynammo and bolero: one parameter at a time, on captures that no result uses.
 
 Writes one line per method, setting and take to dynammo_sweep.csv beside this file: RMS error per coordinate over the
-hidden samples in mm, iterations, seconds. Every second frame is taken (60 Hz), and 3 of 31 joints are hidden in each
-block of so many frames. The base of all settings is the defaults with a tolerance of 1e-4; the default one came of it.
+hidden samples in mm, iterations, seconds. Every second frame is used (60 Hz), and 3 of 31 joints are hidden in each
+block of frames. All settings start from the defaults with a tolerance of 1e-4; the default tolerance is a result.
 
     python benchmarks/dynammo_sweep.py [folder of captures]
 """
@@ -46,7 +46,7 @@ SETTINGS = (
 
 
 def hide(folder: Path, name: str, length: int) -> tuple[Take, np.ndarray]:
-    """A take at 60 Hz with joints hidden, and its true positions."""
+    """Return a take at 60 Hz with hidden joints, and its true positions."""
     skeleton = folder / "amc" / f"{name.split('_')[0]}.asf"
     take = amc.read(folder / "amc" / f"{name}.amc", ReadOptions(skeleton=skeleton, rate=120.0))
     truth = take.positions[::2][: len(take.positions[::2]) // length * length]

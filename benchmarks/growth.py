@@ -1,9 +1,9 @@
-"""How the time of every method grows with the frames: 600, 1200, 2400 and 4800 frames of 13_17, defaults, one thread.
+"""Growth of the time of every method with the frames: 600 to 4800 frames of 13_17, defaults, one thread.
 
-10 of 31 joints are out in every block of 60 frames. Processor time, the best of two where a run takes less than ten
-seconds. Writes one line per method and length to growth.csv beside this file. ``growth`` is the time relative to that
-of the shortest piece, divided by that of the frames: at most 1 where the time grows no faster than the frames; then the
-same for one iteration. llc and srmmp learn from 13_18 and 13_29.
+10 of 31 joints are hidden in every block of 60 frames. Writes one line per method and length to growth.csv beside this
+file. Seconds are processor time, the best of two for runs under ten seconds. ``growth`` is the ratio of times to the
+shortest take, divided by the ratio of frames; it is at most 1 if the time grows no faster than the frames.
+``growth_per_iteration`` is the same for one iteration. llc and srmmp learn from 13_18 and 13_29.
 
     python benchmarks/growth.py [folder of captures]
 """
@@ -26,18 +26,18 @@ from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 
 FRAMES = (600, 1200, 2400, 4800)
-SHORT = 10.0
+REPEATED_BELOW = 10.0  # seconds; shorter runs are timed twice
 COLUMNS = ("method", "frames", "iterations", "seconds", "growth", "ms_per_iteration", "growth_per_iteration")
 
 
 def measure(method, take, library):
-    """Iterations and seconds."""
+    """Return the iterations and the seconds of a method."""
     params, seconds = SOLVERS[method].Params(), np.inf
     for _ in range(2):
         begin = process_time()
         solution = run_method(method, take, params, dictionary=library)
         seconds = min(seconds, process_time() - begin)
-        if seconds > SHORT:
+        if seconds > REPEATED_BELOW:
             break
     return solution.iterations, seconds
 
@@ -46,8 +46,8 @@ def main() -> None:
     folder = (Path(sys.argv[1]) if len(sys.argv) > 1 else CAPTURES) / "amc"
     others = [read_take(folder / f"{name}.amc") for name in ("13_18", "13_29")]
     library = train(others, known_parts(others[0].markers), Params())
-    whole = read_take(folder / "13_17.amc")
-    takes = [hide(whole.crop(0, n), "60", seed=0)[0] for n in FRAMES]
+    take_13_17 = read_take(folder / "13_17.amc")
+    takes = [hide(take_13_17.crop(0, n), "60", seed=0)[0] for n in FRAMES]
     with Path(__file__).with_suffix(".csv").open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(COLUMNS)

@@ -1,9 +1,9 @@
-"""llc and srmmp against plain ports, on part of AMC take 13_17 with a dictionary of 13_18.
+"""llc and srmmp compared with plain ports, on a part of AMC take 13_17 with a dictionary of 13_18.
 
-llc: the printed (7) window by window, C formed from the observed rows and solved by numpy, all atoms, stride 1; the
-same answer is asked of reconstruct(), then the default. srmmp: textbook FISTA frame by frame until the duality gap is
-1e-6 of the objective, at most 5000 steps, against feature-sign search. Prints seconds of processor time, ratio and
-largest difference.
+llc: the port solves the printed (7) window by window with numpy, C formed from the observed rows, all atoms, stride 1.
+It is compared with reconstruct() for the same problem, then with the defaults. srmmp: textbook FISTA frame by frame
+until the duality gap is 1e-6 of the objective, at most 5000 steps, is compared with feature-sign search. Prints seconds
+of processor time, ratio and largest difference.
 
     python benchmarks/llc_plain.py [folder of captures]
 """

@@ -1,9 +1,9 @@
 """The protocol of Wang et al. (2016) on other takes, and the sweep behind the defaults of llc, srmmp and training.
 
-Each row trains on some takes of a subject and fills the middle of another one: 10 to 30 % of the joints hidden, afresh
-in each frame or for blocks of 60 frames. The error is theirs, eq. (8): per frame the root mean square over the hidden
-joints of the distance to the truth, in cm, averaged over frames. Where a method does not answer, the line with held
-ends stands in. Writes llc_sweep.csv beside this file.
+Each row trains on some takes of a subject and fills the middle of another take. 10 to 30 % of the joints are hidden, at
+random in each frame or in blocks of 60 frames. The error is eq. (8): the root mean square distance over the hidden
+joints of a frame, in cm, averaged over frames. Samples that a method does not fill are interpolated linearly, constant
+at the ends of the take. Writes llc_sweep.csv beside this file.
 
     python benchmarks/llc_sweep.py [folder of captures]
 """

@@ -1,14 +1,13 @@
-"""svt, scsvt, ialm, psvt and tnnr against plain ports of their printed iterations.
+"""svt, scsvt, ialm, psvt and tnnr compared with plain ports of their printed iterations.
 
-First 13_17, joints with 10 of 31 missing in every block of 60 frames: milliseconds per iteration of the same printed
-iteration, the ratio, and the largest difference. Then, for the convex ones, every fourth frame of it with fewer joints
-out: processor time until the iterate is within a relative 1e-6 of the converged answer, by the port of the plain
-iteration and by ours. The converged answer is that of long runs with two penalties, whose distance is printed too. The
-port is stopped after ten times our time.
+First, on 13_17 with 10 of 31 joints missing in every block of 60 frames: milliseconds per iteration of the same printed
+iteration, the ratio, and the largest difference. Then, for the convex problems, on every fourth frame with fewer
+missing joints: processor time until the iterate is within a relative 1e-6 of the solution, by the port and by ours. The
+solution is from long runs with two penalties, whose distance is printed. The port is stopped after ten times our time.
 
-Two limits. On short takes (118_10, 240 frames at 60 Hz) the answer itself is hardly determined: matrices within 6e-9
-of the least nuclear norm are 4e-5 apart. And scsvt has thousands of bounds that hardly press: after 8000 iterations two
-penalties still differ by 7e-6, so its race goes to 1e-4.
+Two limits. On short takes (118_10, 240 frames at 60 Hz) the solution is badly determined: matrices within 6e-9 of the
+least nuclear norm are 4e-5 apart. scsvt has thousands of nearly inactive bounds: after 8000 iterations two penalties
+still differ by 7e-6, so its tolerance is 1e-4.
 
     python benchmarks/low_rank_plain.py [folder of captures]
 """
@@ -37,8 +36,9 @@ from mocapclean.solvers.scsvt import loose_edges
 from mocapclean.take.bones import bones_of
 
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
-THRESHOLD, RANK = 451.556, 6
-PATIENCE = 10.0
+THRESHOLD = 451.556  # mm, the default of svt and scsvt
+RANK = 6  # the default of psvt
+PORT_TIME_LIMIT = 10.0  # times our time
 
 
 def shrunk(matrix, threshold, keep=0):
@@ -48,8 +48,8 @@ def shrunk(matrix, threshold, keep=0):
     return (left * lessened) @ rows
 
 
-def watched(iterates, n_iterations):
-    """The iterate after so many iterations and the seconds it took."""
+def after(iterates, n_iterations):
+    """Return the iterate after n iterations and the seconds it took."""
     begin = process_time()
     for k, z in enumerate(iterates, 1):
         if k == n_iterations:
@@ -57,17 +57,17 @@ def watched(iterates, n_iterations):
     raise AssertionError("the iterates never end")
 
 
-def approached(iterates, target, near, patience):
-    """Iterations, seconds and distance when the iterate is near the target, or the patience (seconds) at an end."""
+def until_near(iterates, target, near, limit):
+    """Return iterations, seconds and distance when the iterate is near the target or the limit (seconds) is reached."""
     begin = process_time()
     for k, z in enumerate(iterates, 1):
-        seconds, distance = process_time() - begin, apart(z, target)
-        if distance <= near or seconds > patience:
+        seconds, distance = process_time() - begin, relative_distance(z, target)
+        if distance <= near or seconds > limit:
             return k, seconds, distance
     raise AssertionError("the iterates never end")
 
 
-def apart(z, target):
+def relative_distance(z, target):
     return np.linalg.norm(z - target) / np.linalg.norm(target)
 
 
@@ -187,22 +187,22 @@ def per_iteration(folder, n=40):
     none = no_bounds(data.values.size // 3)
     found, our_seconds = ours_dual(data, none, n, 1.5)
     k = n + found.skipped
-    port, seconds = watched(plain_svt(data.values, data.known, tau, 1.5), k)
+    port, seconds = after(plain_svt(data.values, data.known, tau, 1.5), k)
     line("svt", port, seconds / k, found.matrix, our_seconds / n)
     found, our_seconds = ours_dual(data, edges, n, 0.4)
     k = n + found.skipped
-    port, seconds = watched(plain_scsvt(data.values, data.known, tau, 0.4, *ends), k)
+    port, seconds = after(plain_scsvt(data.values, data.known, tau, 0.4, *ends), k)
     line("scsvt", port, seconds / k, found.matrix, our_seconds / n)
     values = data.values / data.spread
     mu = 20 / np.linalg.norm(values, 2)
     tangent = top_singular_directions(values, RANK)
     for name, shape in (("ialm", {}), ("psvt", {"keep": RANK}), ("tnnr", {"tangent": tangent})):
-        port, seconds = watched(plain_completion(values, data.known, mu, **shape), n)
+        port, seconds = after(plain_completion(values, data.known, mu, **shape), n)
         ours, our_seconds = ours_completion(values, data.known, mu, n, **shape)
         line(f"{name} completion", port, seconds / n, ours, our_seconds / n)
     weight, few = len(values) ** -0.5, 25
     for name, keep in (("ialm", 0), ("psvt", RANK)):
-        port, seconds = watched(plain_robust(values, weight, keep), few)
+        port, seconds = after(plain_robust(values, weight, keep), few)
         begin = process_time()
         ours = robust_pca(values, weight, keep=keep, tolerance=0.0, max_iterations=few)
         line(f"{name} robust", port, seconds / few, ours.low, (process_time() - begin) / few)
@@ -243,15 +243,16 @@ def race(name, run, penalties, n_long, port, near=1e-6):
     """run(n, penalty): our iterate after n iterations. The first penalty runs the race."""
     target, other = (run(n_long, penalty) for penalty in penalties[::-1])
     n = 16
-    while apart(run(n, penalties[0]), target) > near and n < n_long:
+    while relative_distance(run(n, penalties[0]), target) > near and n < n_long:
         n = int(1.2 * n)
     begin = process_time()
-    distance = apart(run(n, penalties[0]), target)
+    distance = relative_distance(run(n, penalties[0]), target)
     seconds = process_time() - begin
-    k, port_seconds, port_distance = approached(port, target, near, PATIENCE * seconds)
+    k, port_seconds, port_distance = until_near(port, target, near, PORT_TIME_LIMIT * seconds)
     ratio = f"{'' if port_distance <= near else 'at least '}{port_seconds / seconds:.0f}"
     print(
-        f"{name}: answers {apart(target, other):.0e} apart; ours {n} iterations {seconds:.1f} s to {distance:.0e}; "
+        f"{name}: solutions {relative_distance(target, other):.0e} apart; "
+        f"ours {n} iterations {seconds:.1f} s to {distance:.0e}; "
         f"port {k} iterations {port_seconds:.1f} s to {port_distance:.0e}; ratio {ratio}",
         flush=True,
     )

@@ -1,8 +1,8 @@
 """The sweep behind the defaults of svt, scsvt, ialm, psvt and tnnr, on captures kept apart from the results.
 
 Writes one line per setting and take to low_rank_sweep.csv beside this file: root mean square error per coordinate over
-the hidden samples in mm, iterations, seconds. Takes are at 60 Hz, cut to 480 frames, with n of 31 joints out in every
-block of so many frames. In the cases "spiked" 2 % of the other samples are moved by 150 mm per coordinate as well.
+the hidden samples in mm, iterations, seconds. Takes are at 60 Hz, cut to 480 frames; n of 31 joints are hidden in every
+block of frames. In the cases "spiked" 2 % of the other samples are moved by 150 mm per coordinate as well.
 
     python benchmarks/low_rank_sweep.py [folder of captures]
 """
@@ -55,7 +55,7 @@ ROBUST = tuple(
 
 
 def hidden(take, n_out, length, spiked):
-    """The truth, what the method sees, and the missing samples (F, M)."""
+    """Return the truth, the take with hidden samples, and the hidden samples (F, M)."""
     n_frames = min(len(take.trusted[::2]), 480) // length * length
     truth = replace(
         take,

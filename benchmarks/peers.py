@@ -1,8 +1,8 @@
-"""Methods beside their authors' own programs, on the same masks of two real takes.
+"""Methods compared with their authors' own programs, on the same hidden samples of two real takes.
 
 The authors' errors come from a CSV with the columns take, markers_out, frames_out, seed, method, rmse_mm, whose first
-lines (#) tell the recipe of the masks: markers drawn without replacement, then one start for each gap at least 10
-frames off the ends; points whose label starts with * are dropped. Prints, for each case, the RMS error per coordinate
+lines (#) describe how samples are hidden: markers are drawn without replacement, then one start for each gap, at least
+10 frames from the ends; points whose label starts with * are dropped. Prints for each case the RMS error per coordinate
 over the hidden samples, ours and theirs, in mm, with their ratio; then for each method the median of the ratios.
 
     python benchmarks/peers.py [--methods pca,...] [--published FOLDER] [--captures FOLDER] [--set METHOD.KEY=VALUE]
@@ -21,7 +21,7 @@ from time import process_time
 import numpy as np
 
 import mocapclean
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.evaluation.metrics import error
 from mocapclean.simulate import hide, single_gaps
 from mocapclean.solvers.running import run_method
@@ -32,20 +32,20 @@ TAKES = {"85_12": "MocapRecovery__data_85_12.c3d", "HDM_mm": "MocapRecovery__dat
 
 
 def published(folder):
-    """The rows of the authors' programs."""
+    """Return the rows of the authors' programs."""
     with (folder / "peers_on_shared_takes.csv").open(encoding="utf-8") as file:
         return list(csv.DictReader(line for line in file if not line.startswith("#")))
 
 
 @cache
 def labelled(path):
-    """A take without the points that nobody named."""
+    """Return a take without its unlabelled points."""
     take = mocapclean.read(path)
     return take.select(np.array([k for k, name in enumerate(take.markers) if not name.startswith("*")]))
 
 
 def ours(method, params, row, captures):
-    """The RMS error of a method on the mask of a row, mm, and the seconds of processor time it took."""
+    """Return the RMS error of a method on the hidden samples of a row, mm, and its seconds of processor time."""
     take = labelled(captures / "c3d" / TAKES[row["take"]])
     n_out, length, seed = (int(row[key]) for key in ("markers_out", "frames_out", "seed"))
     missing = single_gaps(*take.trusted.shape, n_out, length, np.random.default_rng(seed))

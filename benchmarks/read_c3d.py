@@ -1,7 +1,7 @@
-"""Time and memory of reading, patching and proving C3D files.
+"""Time and memory of reading, patching and verifying C3D files.
 
-The yardstick of reading, taken in the same run, is a plain read of the file's bytes and numpy's conversion of its
-points to float64; that of writing is a plain copy. Peak memory is compared with the point block in the file.
+Reading is compared, in the same run, with a plain read of the file's bytes and numpy's conversion of its points to
+float64; writing is compared with a plain copy. Peak memory is compared with the point block in the file.
 Run: python benchmarks/read_c3d.py [folder of captures]
 """
 

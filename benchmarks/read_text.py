@@ -1,7 +1,7 @@
-"""Seconds to read, to write unchanged and to repair BVH and AMC captures: the best of three, per file and in all.
+"""Seconds to read BVH and AMC captures, to write them unchanged, and to repair them: the best of three, per file.
 
-python benchmarks/read_text.py [FOLDER], where FOLDER has sub-folders bvh and amc; 5 % of one joint is refilled with
-its own positions for the repair.
+python benchmarks/read_text.py [FOLDER], where FOLDER has sub-folders bvh and amc. For the repair, 5 % of
+one joint is filled with its own positions.
 """
 
 import sys
@@ -30,7 +30,7 @@ def best(work: Callable[[], Any]) -> float:
 
 
 def damaged(take: Take) -> Take:
-    """One 5 % run of the last joint, to be filled with what it was."""
+    """Return a take whose last joint has 5 % filled samples in a row, with their own positions."""
     filled = np.zeros_like(take.filled)
     n_frames = len(filled)
     filled[n_frames // 2 : n_frames // 2 + max(1, n_frames // 20), -1] = True

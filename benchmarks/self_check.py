@@ -1,10 +1,10 @@
-"""How near the self-check comes: the error that it reports beside the true one, on captures given gaps of known truth.
+"""Accuracy of the self-check: its reported error compared with the true error, on captures with hidden samples.
 
     python benchmarks/self_check.py TAKE [TAKE ...] [--methods linear spline] [--shares 0.01 0.05 0.2] [--seeds 3]
 
-Each take loses a share of its samples as cameras lose them (``simulate.occlude``), is filled, and checks itself. Writes
-self_check.csv beside this file: one row for each take, method, share and seed, errors in mm in 3D over what was filled;
-prints for each method and share the quartiles of reported / true, and the time of a check beside that of a fill.
+A share of the samples of each take is hidden in gaps of natural lengths (``simulate.occlude``), filled, and checked.
+Writes self_check.csv beside this file: one row for each take, method, share and seed, with 3D errors in mm over filled
+samples. Prints for each method and share the quartiles of reported / true, and the time of a check relative to a fill.
 """
 
 import os

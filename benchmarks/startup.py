@@ -1,4 +1,4 @@
-"""How long ``mocapclean --version`` takes to start, against ``python -c pass``: medians of alternating runs.
+"""Time of ``mocapclean --version`` compared with ``python -c pass``: medians of alternating runs.
 
 python benchmarks/startup.py
 """

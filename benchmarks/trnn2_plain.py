@@ -1,4 +1,4 @@
-"""trnn2 against a plain port of its equations: processor time per iteration, their ratio, and the largest difference.
+"""trnn2 compared with a plain port of its equations: processor time per iteration, ratio, largest difference.
 
 The port keeps every W and Y, takes numpy.linalg.svd of each block and one sparse LU per set of missing frames.
 Both run the same number of iterations at one rank, on joints with 10 of them missing in every block of 60 frames.

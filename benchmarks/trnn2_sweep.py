@@ -2,7 +2,7 @@
 
 Writes one line per setting, take and pattern to trnn2_sweep.csv beside this file: RMS error per coordinate over
 the hidden samples in mm, iterations, seconds. Every take is cut to its middle 480 frames; a pattern is either
-blocks of so many frames with 10 random markers hidden in each, or "long": 4 random markers hidden for 200 frames.
+the length of blocks with 10 random markers hidden in each, or "long": 4 random markers hidden for 200 frames.
 Settings are compared on four of the takes and one pattern, the defaults (and linear and spline) on all.
 
     python benchmarks/trnn2_sweep.py [folder of captures]
@@ -57,7 +57,7 @@ SETTINGS = {
 
 
 def read_take(path: Path) -> Take:
-    """The take, without points that an operator marked as unlabelled by a leading *."""
+    """Return a take without unlabelled points, whose names start with *."""
     if path.suffix.lower() == ".amc":
         asf = path.with_name(path.stem.split("_")[0] + ".asf")
         return amc.read(path, ReadOptions(skeleton=asf, rate=120.0))
@@ -72,7 +72,7 @@ def excerpt(take: Take, n_frames: int) -> Take:
 
 
 def hide(take: Take, pattern: str, seed: int) -> tuple[Take, np.ndarray]:
-    """The take with samples hidden, and which of its trusted samples they are (F, M)."""
+    """Return the take with hidden samples, and these samples (F, M)."""
     rng, (n_frames, n_markers) = np.random.default_rng(seed), take.trusted.shape
     hidden = np.zeros((n_frames, n_markers), dtype=bool)
     if pattern == "long":
@@ -88,13 +88,13 @@ def hide(take: Take, pattern: str, seed: int) -> tuple[Take, np.ndarray]:
 
 
 def measure(method: str, params: object, truth: Take, pattern: str, seed: int) -> dict[str, object]:
-    """Every hidden sample counts: where a method does not answer, linear interpolation with held ends stands in."""
+    """Return the error over all hidden samples; unfilled ones are interpolated linearly, constant at the ends."""
     take, hidden = hide(truth, pattern, seed)
     begin = perf_counter()
     solution = run_method(method, take, params)
     seconds = perf_counter() - begin
-    held = run_method("linear", take, SOLVERS["linear"].Params()).positions
-    estimate = np.where(solution.filled[..., None], solution.positions, held)
+    interpolated = run_method("linear", take, SOLVERS["linear"].Params()).positions
+    estimate = np.where(solution.filled[..., None], solution.positions, interpolated)
     rmse = np.sqrt(np.mean((estimate - truth.positions)[hidden] ** 2))
     return {
         "rmse_mm": f"{rmse:.3f}",
@@ -105,7 +105,7 @@ def measure(method: str, params: object, truth: Take, pattern: str, seed: int) -
 
 
 def cases():
-    """(method, setting, value, Params, takes, patterns): the defaults first, then one departure at a time."""
+    """Yield (method, setting, value, Params, takes, patterns): the defaults, then one changed parameter at a time."""
     for method in ("linear", "spline", "trnn2"):
         yield method, "defaults", "", SOLVERS[method].Params(), TAKES, PATTERNS
     for name, values in SETTINGS.items():

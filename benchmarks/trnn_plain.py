@@ -1,8 +1,9 @@
-"""tsmc and trnn against plain ports of their equations: seconds per iteration, ratio, largest difference.
+"""tsmc and trnn compared with plain ports of their equations: seconds per iteration, ratio, largest difference.
 
 The ports keep M, S, Y1 and Y2, take numpy.linalg.svd of the matrix and two cosine transforms per iteration. Both run
-the same number of iterations on 13_17, 10 joints missing in every block of 60 frames. For tsmc, which has one answer,
-also the time to come within 1e-6 of it, on 300 frames of 14_04: the port with a fixed penalty against Anderson.
+the same number of iterations on 13_17, 10 joints missing in every block of 60 frames. For tsmc, whose problem is
+convex, also the time until a relative distance of 1e-6 from its solution, on 300 frames of 14_04: the port with a fixed
+penalty compared with Anderson acceleration.
 
     python benchmarks/trnn_plain.py [folder of captures]
 """
@@ -25,7 +26,9 @@ from mocapclean.numerics.low_rank.smooth_sparse_splitting import SplitCopies
 from mocapclean.solvers import trnn, tsmc
 from mocapclean.solvers.sparse_noise import NoisyTake
 
-N_ITERATIONS, CLOSE, MOST = 30, 1e-6, 30000
+N_ITERATIONS = 30
+CLOSE = 1e-6  # relative distance from the solution at which a run ends
+MOST = 30000  # iterations
 
 
 class Port:

@@ -1,9 +1,9 @@
-"""mocapclean cleans motion-capture files: it detects what cannot be trusted and fills it, changing nothing else.
+"""mocapclean cleans motion-capture files: it detects untrustworthy samples and fills them, and changes nothing else.
 
-The public names are loaded on first use, so that the command starts at once.
+The public names are imported on first use, so that the command starts quickly.
 """
 
-TYPE_CHECKING = False  # as typing.TYPE_CHECKING, without the time that importing typing takes
+TYPE_CHECKING = False  # type checkers read True; importing typing for its constant would slow the start
 if TYPE_CHECKING:
     from mocapclean.detection import detect
     from mocapclean.formats import read, write
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-_HOMES = {
+_MODULE_OF = {
     "read": "mocapclean.formats",
     "write": "mocapclean.formats",
     "fill": "mocapclean.pipeline.filling",
@@ -24,8 +24,8 @@ __all__ = ["Take", "__version__", "detect", "fill", "read", "write"]
 
 
 def __getattr__(name: str) -> object:
-    if name not in _HOMES:
+    if name not in _MODULE_OF:
         raise AttributeError(f"module 'mocapclean' has no attribute {name!r}")
     from importlib import import_module
 
-    return getattr(import_module(_HOMES[name]), name)
+    return getattr(import_module(_MODULE_OF[name]), name)

@@ -1,4 +1,4 @@
-"""The command's entry point; asking for the version loads nothing else."""
+"""The entry point of the command; ``--version`` imports nothing else."""
 
 import os
 import sys
@@ -11,7 +11,7 @@ def main() -> None:
     if sys.argv[1:] == ["--version"]:
         print(f"mocapclean {__version__}")
         return
-    # On matrices this narrow more BLAS threads only wait for each other; it must be said before NumPy is loaded.
+    # The matrices are narrow, so that several BLAS threads only wait for each other. NumPy reads this when imported.
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from mocapclean.cli import cli

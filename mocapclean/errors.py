@@ -1,38 +1,38 @@
-"""Everything that can go wrong for a user, each as one clear sentence: what, where, what to do."""
+"""The errors that users see. Every message is one sentence: what is wrong, where, and what to do."""
 
 from pathlib import Path
 from typing import Any
 
 
 class MocapcleanError(Exception):
-    """The base of all errors that a user is told about; a take that fails with one exits 1."""
+    """The base of all errors that users see. ``exit_code``: of the command."""
 
     exit_code = 1
 
 
 class UsageError(MocapcleanError):
-    """The command or the call asks for something that cannot be done."""
+    """The command or the call is wrong or impossible."""
 
     exit_code = 2
 
 
 class ConfigError(UsageError):
-    """A configuration file has an unknown key, a wrong type or a value out of range."""
+    """A configuration has unknown keys, wrong types, values out of range or contradictions; one message per line."""
 
 
 class SolverError(MocapcleanError):
-    """A method cannot answer for this take."""
+    """A method cannot fill this take."""
 
 
 class WorkerError(MocapcleanError):
-    """The process that worked at a take was lost: it died, took too long or needed too much."""
+    """The process of a take was lost: it crashed, or exceeded a limit of time or memory."""
 
 
 class FormatError(MocapcleanError):
-    """A file is not what its format allows, or cannot hold what it should.
+    """A file violates its format, or its format cannot store the take.
 
-    ``line`` (text, from 1), ``byte`` (binary, from 0), ``frame`` (the file's own number) and ``marker`` say
-    where; whichever are given stand in the message.
+    The message holds the place of the fault: ``line`` (of text, from 1), ``byte`` (from 0), ``frame`` (the file's own
+    number) and ``marker``, as far as they are known.
     """
 
     def __init__(
@@ -45,16 +45,17 @@ class FormatError(MocapcleanError):
         frame: int | None = None,
         marker: str | None = None,
     ) -> None:
-        """Compose the sentence from the path, the place and the message."""
+        """Compose the message from the path, the place and the fault."""
         places = (("line", line), ("byte", byte), ("frame", frame), ("marker", marker))
         where = "".join(f", {name} {value}" for name, value in places if value is not None)
         super().__init__(f"{path}{where}: {message}")
         self.path, self.line, self.byte, self.frame, self.marker = path, line, byte, frame, marker
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Let it pass between processes: as the sentence that it is, not as what it was composed of."""
-        return _as_said, self.args, self.__dict__
+        """Return what pickle needs to make the same error, with its composed message, in another process."""
+        return _from_message, self.args, self.__dict__
 
 
-def _as_said(sentence: str) -> FormatError:
-    return FormatError.__new__(FormatError, sentence)
+def _from_message(message: str) -> FormatError:
+    """Return an error with a message that is already composed."""
+    return FormatError.__new__(FormatError, message)

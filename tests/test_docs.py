@@ -1,17 +1,25 @@
-"""The documents say what is true: their code runs, their tables and examples are complete."""
+"""The documents agree with the code: their examples run, and their tables and defaults are complete and true."""
 
 import json
+import os
 import re
 import shlex
+import shutil
+import subprocess
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from ruamel.yaml import YAML
 
+from mocapclean.batch.inputs import Input
+from mocapclean.batch.plan import plan
 from mocapclean.cli import cli
-from mocapclean.config.settings import Settings, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import Settings
 from mocapclean.detection import RULES
+from mocapclean.errors import ConfigError
 from mocapclean.solvers import SOLVERS
 from mocapclean.take.status import MEANINGS, Status
 
@@ -58,6 +66,97 @@ def test_every_key_has_a_documented_example(tmp_path):
             assert f"\n    {field.name}:" in section, f"{name}.{field.name}"
 
 
+def leaves(section, default, path=()):
+    """Yield (path, line from 0, documented value, default) of every value in a section of a YAML document."""
+    for key, value in section.items():
+        if isinstance(value, dict) and default[key]:
+            yield from leaves(value, default[key], (*path, key))
+        else:
+            yield ".".join((*path, key)), section.lc.key(key)[0], value, default[key]
+
+
+def test_documented_values_are_the_defaults_unless_marked_as_examples():
+    (text,) = blocks(ROOT / "docs" / "configuration.md", "yaml")
+    default = json.loads(Settings().model_dump_json())
+    values = list(leaves(YAML(typ="rt").load(text), default))
+    assert len(values) > 200
+    for name, line, value, expected in values:
+        is_example = "# example; " in text.splitlines()[line]
+        assert (value != expected) == is_example, f"{name} is {value!r} in the document, its default is {expected!r}"
+
+
+def comment(text, key):
+    """The words in the comment of a key of configuration.md."""
+    return set(re.findall(r"[a-z0-9]+", re.search(rf"^{key}: .*?# (.*)$", text, re.MULTILINE)[1]))
+
+
+def accepts_max_error(method):
+    try:
+        resolve(None, {"method": method, "max_error": 5.0})
+    except ConfigError:
+        return False
+    return True
+
+
+def test_documented_methods_are_those_of_the_code():
+    (text,) = blocks(ROOT / "docs" / "configuration.md", "yaml")
+    assert comment(text, "max_error") & {*SOLVERS} == {name for name in SOLVERS if accepts_max_error(name)}
+    assert comment(text, "self_check") & {*SOLVERS} == {name for name in SOLVERS if Settings(method=name).checks_itself}
+
+
+def documented_limits():
+    text = (ROOT / "docs" / "check.md").read_text(encoding="utf-8")
+    return re.search(r"## Limits.*?```yaml\n(.*?)```", text, re.DOTALL)[1]
+
+
+def test_limits_without_a_default_are_the_documented_ones():
+    default = Settings().check.model_dump(mode="json")
+    documented = YAML(typ="rt").load(documented_limits())["check"]
+    for name, value in documented.items():
+        is_default = "# default; " in documented_limits().splitlines()[documented.lc.key(name)[0]]
+        assert (value == default[name]) == is_default, name
+
+
+def test_nothing_is_installed_from_an_index():
+    for document in DOCUMENTS:
+        for target in re.findall(r"pip install ([^&`\n]*)", document.read_text(encoding="utf-8")):
+            assert re.search(r"(^|[ '])\.", target), f"{document.name}: pip install {target}"
+
+
+def written_by(command):
+    """The files that a command of README's set-up writes into the clone, without running it."""
+    program, *arguments = shlex.split(command)
+    program = Path(program).name
+    if arguments[:2] == ["-m", "venv"]:
+        return [f"{arguments[2]}/bin/python"]
+    if program == "pip":
+        return ["build/lib/mocapclean/take.py", "mocapclean.egg-info/PKG-INFO"]
+    if arguments[:2] == ["-m", "pytest"]:
+        return [".pytest_cache/README.md", ".hypothesis/examples", "tests/__pycache__/test_docs.pyc"]
+    assert program == "mocapclean", command
+    name, *arguments = arguments
+    options = cli.get_command(None, name).make_context(name, arguments).params
+    (source,) = options["files"]
+    (job,) = plan(
+        [Input(path=source, relative=Path(source.name))], Settings(output=options["output"], overwrite=True), [], {}
+    )
+    return [str(target) for target in job.targets]
+
+
+@pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
+def test_git_ignores_what_the_set_up_writes(tmp_path):
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (set_up,) = re.findall(r"<!-- set-up -->\n```sh\n(.*?)```", readme, re.DOTALL)
+    written = [path for line in set_up.splitlines() for part in line.split("&&") for path in written_by(part)]
+    assert {"walk_clean.c3d", "walk_clean.report.json"} <= set(written)
+    shutil.copy(ROOT / ".gitignore", tmp_path)
+    git = ["git", "-C", str(tmp_path), "-c", f"core.excludesFile={os.devnull}"]
+    subprocess.run([*git, "init", "-q"], check=True)
+    own = ["README.md", "mocapclean/take/take.py", "sample_data/walk.c3d"]
+    done = subprocess.run([*git, "check-ignore", *written, *own], capture_output=True, text=True)
+    assert done.stdout.splitlines() == written
+
+
 @pytest.mark.parametrize("name", SOLVERS)
 def test_every_method_is_in_the_tables_and_has_its_entry(name):
     assert f"| `{name}`" in (ROOT / "README.md").read_text(encoding="utf-8")
@@ -90,6 +189,12 @@ def test_every_option_is_a_configuration_key():
     command = cli.get_command(None, "fill")
     names = {parameter.name for parameter in command.params} - CALL
     assert names == set(Settings.model_fields) - {"methods", "trust", "check", "grades", "hiding", "auto"}
+
+
+def test_every_command_has_a_whole_line_in_the_help():
+    lines = CliRunner().invoke(cli, ["--help"], terminal_width=80).stdout.splitlines()
+    for name, summary in cli.summaries.items():
+        assert any(line.split(maxsplit=1) == [name, summary] for line in lines), name
 
 
 def test_help_is_given_for_every_command():

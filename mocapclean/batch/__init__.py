@@ -1,6 +1,6 @@
-"""Many takes: find them, plan what is written where, work at them in processes that may die, and keep what was found.
+"""Many takes: find them, plan where results go, repair each in a process that may die, and journal every result.
 
-    find -> Input -> plan -> Job -> run -> Done | WorkerError -> journal -> report
+    inputs.find -> plan -> RepairJob -> pool.run or cluster.run -> FinishedTake | WorkerError -> Journal -> report
 
-Nothing here knows what is done with a take but ``repairing``; ``run`` and ``cluster`` take any ``Work``.
+``repairing`` is the only module here that repairs takes; ``pool`` and ``cluster`` run any ``Work``.
 """

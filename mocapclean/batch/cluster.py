@@ -1,7 +1,6 @@
-"""Work at jobs on a Dask cluster that exists already: the same work, the same answers.
+"""Run jobs on a running Dask cluster, with the same results as on this machine.
 
-A job whose worker is lost goes to another one by itself. The cluster's workers read and write on storage that they
-share with this machine.
+Dask gives the job of a lost worker to another worker. The workers read and write on storage shared with this machine.
 """
 
 import asyncio
@@ -14,113 +13,129 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mocapclean import __version__
-from mocapclean.batch.alone import alone
-from mocapclean.batch.limits import Limits
-from mocapclean.batch.pool import Answer, Answers, Job, Stop, Work, attempt
+from mocapclean.batch.isolated import run_isolated
+from mocapclean.batch.limits import WorkerLimits
+from mocapclean.batch.pool import Job, JobResults, Result, Stop, Work, attempt
 from mocapclean.errors import MocapcleanError, UsageError, WorkerError
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_GONE = "the cluster is no longer there."
-_LOST = {
+_CLUSTER_LOST = "the cluster is no longer there."
+_LOST_MESSAGES = {
     "KilledWorker": "its worker was lost again and again.",
-    **dict.fromkeys(("CancelledError", "FutureCancelledError"), _GONE),
+    **dict.fromkeys(("CancelledError", "FutureCancelledError"), _CLUSTER_LOST),
 }
-_POLL = 0.2  # seconds
-_PATIENCE = 10  # seconds
+"""Messages by the name of Dask's exception; its classes must not be imported before --scheduler is given."""
+
+_POLL_INTERVAL = 0.2
+"""Seconds until signals and the state of the cluster are checked again; chosen by hand."""
+
+_CONNECT_TIMEOUT = 10
+"""Seconds that a scheduler or worker may need to respond; chosen by hand."""
+
+_JOBS_PER_THREAD = 2
+"""Jobs submitted per thread of the cluster: one runs and one is queued, so that no thread is idle."""
 
 
 def run(
-    work: Work[Job, Answer], jobs: Iterable[Job], scheduler: str, limits: Limits, shared: Sequence[Path], stop: Stop
-) -> Answers[Job, Answer]:
-    """Each job with its answer, or with why it was lost, in the order in which they are done.
+    work: Work[Job, Result],
+    jobs: Iterable[Job],
+    scheduler: str,
+    limits: WorkerLimits,
+    shared: Sequence[Path],
+    stop: Stop,
+) -> JobResults[Job, Result]:
+    """Yield each job with its result, or with the error of its lost worker, in the order in which they finish.
 
-    shared: paths that every worker must see. With a limit of time or memory each job has a process of its own. Asked to
-    stop, by SIGTERM as by SIGINT, it begins nothing more and waits for what runs, which a cluster cannot take back.
-    Raises UsageError when there is no such cluster, or it does not see the files or has another version.
+    shared: paths that every worker must be able to read. With a limit of time or memory each job runs in a process of
+    its own. After SIGINT or SIGTERM no further job starts; running jobs finish, because a cluster cannot recall them.
+    Raises UsageError if there is no such cluster, or if a worker does not see the files or has another version.
     """
     with contextlib.closing(_connect(scheduler)) as client:
-        _probe(client, shared)
-        yield from _work_through(client, work, jobs, limits, stop)
+        _check_workers(client, shared)
+        yield from _run_jobs(client, work, jobs, limits, stop)
 
 
-def _work_through(
-    client: "Client", work: Work[Job, Answer], jobs: Iterable[Job], limits: Limits, stop: Stop
-) -> Answers[Job, Answer]:
-    ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
-    busy: dict[str, tuple[Future, Job]] = {}
-    waiting = iter(jobs)
+def _run_jobs(
+    client: "Client", work: Work[Job, Result], jobs: Iterable[Job], limits: WorkerLimits, stop: Stop
+) -> JobResults[Job, Result]:
+    """Submit jobs as threads become free, and yield each result when it arrives."""
+    finished: queue.SimpleQueue[Future] = queue.SimpleQueue()
+    running: dict[str, tuple[Future, Job]] = {}
+    pending = iter(jobs)
     try:
         while client.status == "running":
-            most = 2 * sum(client.nthreads().values())
-            while len(busy) < most and not stop.signal and (job := next(waiting, None)) is not None:
-                future = client.submit(_do, work, job, limits, pure=False)
-                busy[future.key] = future, job
-                future.add_done_callback(ended.put)
-            if not busy:
+            capacity = _JOBS_PER_THREAD * sum(client.nthreads().values())
+            while len(running) < capacity and not stop.signal and (job := next(pending, None)) is not None:
+                future = client.submit(_run_on_worker, work, job, limits, pure=False)
+                running[future.key] = future, job
+                future.add_done_callback(finished.put)
+            if not running:
                 return
             with contextlib.suppress(queue.Empty):
-                future, job = busy.pop(ended.get(timeout=_POLL).key)
-                answer = _answer(future)
-                if isinstance(answer, WorkerError):
+                future, job = running.pop(finished.get(timeout=_POLL_INTERVAL).key)
+                result = _result(future)
+                if isinstance(result, WorkerError):
                     work.undo(job)
-                yield job, answer
-        for _, job in busy.values():
-            yield job, WorkerError(_GONE)
+                yield job, result
+        for _, job in running.values():
+            yield job, WorkerError(_CLUSTER_LOST)
     finally:
-        client.cancel([future for future, _ in busy.values()])
+        client.cancel([future for future, _ in running.values()])
 
 
-def _do(work: Work[Job, Answer], job: Job, limits: Limits) -> Answer | MocapcleanError:
-    """Do a job, on a worker."""
+def _run_on_worker(work: Work[Job, Result], job: Job, limits: WorkerLimits) -> Result | MocapcleanError:
+    """Return the result of a job; called on a worker."""
     if limits.timeout is None and limits.memory is None:
         return attempt(work, job)
-    return alone(work, job, limits)
+    return run_isolated(work, job, limits)
 
 
-def _answer(future: "Future") -> Any:
+def _result(future: "Future") -> Any:
+    """Return the result of a finished job, or a WorkerError if its worker was lost."""
     try:
-        return future.result(timeout=_PATIENCE)
-    except Exception as fault:
-        kind = type(fault).__name__
-        return WorkerError(_LOST.get(kind, f"its worker could not be used: {kind}: {fault}."))
+        return future.result(timeout=_CONNECT_TIMEOUT)
+    except Exception as error:
+        kind = type(error).__name__
+        return WorkerError(_LOST_MESSAGES.get(kind, f"its worker could not be used: {kind}: {error}."))
 
 
 def _connect(scheduler: str) -> "Client":
+    """Return a client of a scheduler with at least one worker; raise UsageError if there is none."""
     try:
         from distributed import Client
         from distributed.comm import connect
     except ImportError:
-        raise UsageError("--scheduler needs Dask. Use pip install 'mocapclean[cluster]'.") from None
+        raise UsageError("--scheduler needs Dask. Run pip install '.[cluster]' in the clone of mocapclean.") from None
     for name in ("distributed", "distributed.client"):
         logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
-        asyncio.run(connect(scheduler, timeout=_PATIENCE)).abort()
-    except (OSError, ValueError) as fault:
-        raise UsageError(f"{scheduler}: no Dask scheduler answers there: {fault}.") from None
-    client = Client(scheduler, timeout=_PATIENCE, set_as_default=False)
+        asyncio.run(connect(scheduler, timeout=_CONNECT_TIMEOUT)).abort()
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{scheduler}: no Dask scheduler responds there: {error}.") from None
+    client = Client(scheduler, timeout=_CONNECT_TIMEOUT, set_as_default=False)
     try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
+        client.wait_for_workers(1, timeout=_CONNECT_TIMEOUT)
     except TimeoutError:
         client.close()
         raise UsageError(f"{scheduler}: the cluster must have workers. Got none.") from None
     return client
 
 
-def _probe(client: "Client", shared: Sequence[Path]) -> None:
-    """Raise UsageError unless all workers have this version and see the paths."""
+def _check_workers(client: "Client", shared: Sequence[Path]) -> None:
+    """Raise UsageError unless every worker has this version of mocapclean and sees the shared paths."""
     try:
-        found = client.run(_seen, [str(path) for path in shared])
-    except Exception as fault:
-        raise UsageError(f"the cluster's workers must have mocapclean {__version__} installed: {fault}.") from None
-    for worker, (version, unseen) in found.items():
+        by_worker = client.run(_version_and_absent, [str(path) for path in shared])
+    except Exception as error:
+        raise UsageError(f"the cluster's workers must have mocapclean {__version__} installed: {error}.") from None
+    for worker, (version, absent) in by_worker.items():
         if version != __version__:
             raise UsageError(f"{worker}: the cluster's workers must have mocapclean {__version__}. Got {version}.")
-        if unseen:
-            raise UsageError(f"{worker}: the worker cannot see {unseen[0]}. Workers must share the storage.")
+        if absent:
+            raise UsageError(f"{worker}: the worker cannot see {absent[0]}. Workers must share the storage.")
 
 
-def _seen(paths: Sequence[str]) -> tuple[str, list[str]]:
-    """The version, and which of the paths are not there, on a worker."""
+def _version_and_absent(paths: Sequence[str]) -> tuple[str, list[str]]:
+    """Return the version of mocapclean and the paths that do not exist; called on a worker."""
     return __version__, [path for path in paths if not os.path.exists(path)]

@@ -1,7 +1,7 @@
-"""What a run has begun and done, line by line on the disk, so that neither memory nor a power cut can lose it.
+"""A journal of the takes that a run has started and finished; it survives a crash and a power cut.
 
-A line is JSON: ``{"begin": output}`` before a take is begun, and when it is finished ``{"output": ..., "key": ...,
-"take": {its row of the report}}``. A journal is only ever added to. A last line that a power cut has torn is cut off.
+Each line is JSON. ``{"begin": output}`` is written before a take starts, and ``{"output": ..., "key": ..., "take": {its
+row of the report}}`` when it has finished. Lines are only appended. A last line torn by a power cut is cut off.
 """
 
 import json
@@ -18,77 +18,90 @@ from filelock import FileLock, Timeout
 from mocapclean.errors import UsageError
 
 FOLDER = ".mocapclean"
+"""The folder of the journals, inside the output folder."""
 
-Place = tuple[Path, int]
+_BLOCK = 65536
+"""Bytes read at a time while the last newline is searched."""
+
+LinePosition = tuple[Path, int]
+"""A journal, and the byte at which a line of it starts."""
 
 
 @dataclass(frozen=True)
-class Before:
-    """What earlier runs say of an output: begun at least; if it was ever finished well, with which key and hash."""
+class EarlierOutput:
+    """An output that an earlier run started.
+
+    key: the hash of everything it was made of; sha256: its content's hash; position: its line in a journal. They are
+    empty unless the take was finished without an error.
+    """
 
     key: str = ""
     sha256: str = ""
-    place: Place | None = None
+    position: LinePosition | None = None
 
 
-def earlier(folder: Path) -> dict[str, Before]:
-    """What the journals of an output folder know of its outputs, by path below it; UsageError for an unreadable one."""
-    known: dict[str, Before] = {}
+def earlier_outputs(folder: Path) -> dict[str, EarlierOutput]:
+    """Return the outputs in all journals of an output folder, by path below it.
+
+    Raises UsageError for a journal that cannot be read.
+    """
+    outputs: dict[str, EarlierOutput] = {}
     for path in sorted((folder / FOLDER).glob("*.jsonl")):
         try:
             with path.open("rb") as file:
                 for offset, line in _lines(file):
-                    _learn(known, line, (path, offset))
-        except OSError as fault:
-            raise UsageError(f"{path}: the journal cannot be read: {fault.strerror or fault}.") from None
-    return known
+                    _record(outputs, line, (path, offset))
+        except OSError as error:
+            raise UsageError(f"{path}: the journal cannot be read: {error.strerror or error}.") from None
+    return outputs
 
 
-def _learn(known: dict[str, Before], line: Mapping[str, Any], place: Place) -> None:
+def _record(outputs: dict[str, EarlierOutput], line: Mapping[str, Any], position: LinePosition) -> None:
+    """Enter the output of a journal's line."""
     if isinstance(line.get("begin"), str):
-        known.setdefault(line["begin"], Before())
+        outputs.setdefault(line["begin"], EarlierOutput())
     if line.get("key"):
-        known[line["output"]] = Before(line["key"], line["take"]["sha256"]["output"], place)
+        outputs[line["output"]] = EarlierOutput(line["key"], line["take"]["sha256"]["output"], position)
 
 
 def _lines(file: BinaryIO) -> Iterator[tuple[int, dict[str, Any]]]:
-    """The whole lines of a journal with where they begin; what is no JSON is passed over."""
+    """Yield the offset and the content of each complete line of a journal; lines that are not JSON are skipped."""
     offset = 0
     for line in file:
         try:
-            found = json.loads(line) if line.endswith(b"\n") else None
+            content = json.loads(line) if line.endswith(b"\n") else None
         except ValueError:
-            found = None
-        if isinstance(found, dict):
-            yield offset, found
+            content = None
+        if isinstance(content, dict):
+            yield offset, content
         offset += len(line)
 
 
 class Journal:
-    """The rows of one run, in its output folder (or in a temporary one), where memory does not count.
+    """The journal of one run, on the disk in its output folder; memory holds only the positions of the rows.
 
-    Raises UsageError when another run is writing there, or when nobody can. A context manager. When the disk is full
-    later on, rows are kept in memory and ``fault`` says so.
+    A context manager. Raises UsageError if another run is writing into the folder or if the folder cannot be written.
+    If the disk is full later, rows are kept in memory and ``fault`` is the message for the user.
     """
 
     def __init__(self, folder: Path, name: str = "journal") -> None:
         self.path = folder / FOLDER / f"{name}.jsonl"
         self.fault = ""
-        self._places: dict[str, Place] = {}
-        self._kept: dict[str, Mapping[str, Any]] = {}
+        self._positions: dict[str, LinePosition] = {}
+        self._in_memory: dict[str, Mapping[str, Any]] = {}
         try:
             self.path.parent.mkdir(exist_ok=True)
             self._lock = FileLock(self.path.with_suffix(".lock"))
             self._lock.acquire(timeout=0)
             self._file = self.path.open("ab", buffering=0)
             self._reader = self.path.open("rb")
-            self._end = _whole(self._reader)
+            self._end = _end_of_complete_lines(self._reader)
             self._file.truncate(self._end)
         except Timeout:
             message = f"{folder}: another run is writing there. Wait for it, use another folder, or --shard."
             raise UsageError(message) from None
-        except OSError as fault:
-            raise UsageError(f"{self.path}: the journal cannot be written: {fault.strerror or fault}.") from None
+        except OSError as error:
+            raise UsageError(f"{self.path}: the journal cannot be written: {error.strerror or error}.") from None
 
     def __enter__(self) -> "Journal":
         return self
@@ -101,44 +114,47 @@ class Journal:
         self._lock.release()
 
     def begin(self, output: str) -> None:
-        """Say that an output may be written from now on: what is found there later is this run's own."""
+        """Record that this run may write an output from now on; a later run may then replace it."""
         self._append({"begin": output})
 
-    def add(self, output: str, key: str, take: Mapping[str, Any]) -> None:
-        """Keep a finished take's row; key: what the output was made of, empty unless all went well."""
-        place = self.path, self._end
-        if self._append({"output": output, "key": key, "take": take}):
-            self._places[output] = place
-        else:
-            self._kept[output] = take
+    def add(self, output: str, key: str, row: Mapping[str, Any]) -> None:
+        """Record a finished take's row of the report.
 
-    def take_over(self, output: str, before: Before) -> None:
-        """Let an earlier run's row stand for an output."""
-        assert before.place is not None
-        self._places[output] = before.place
+        key: the hash of everything the output was made of; empty if the take failed.
+        """
+        position = self.path, self._end
+        if self._append({"output": output, "key": key, "take": row}):
+            self._positions[output] = position
+        else:
+            self._in_memory[output] = row
+
+    def adopt(self, output: str, earlier: EarlierOutput) -> None:
+        """Use an earlier run's row for an output that this run did not make anew."""
+        assert earlier.position is not None
+        self._positions[output] = earlier.position
 
     def row(self, output: str) -> Mapping[str, Any] | None:
-        """The row of an output; None while there is none."""
-        if output in self._kept:
-            return self._kept[output]
-        if output not in self._places:
+        """Return the report row of an output; None if its take is not finished."""
+        if output in self._in_memory:
+            return self._in_memory[output]
+        if output not in self._positions:
             return None
-        path, offset = self._places[output]
+        path, offset = self._positions[output]
         if path == self.path:
             return _row(self._reader, offset)
         with path.open("rb") as file:
             return _row(file, offset)
 
     def _append(self, line: Mapping[str, Any]) -> bool:
-        """Add a line and force it to the disk; whether that went well. What did not leaves no trace."""
+        """Write a line and force it to the disk; return whether that succeeded. A failed write is cut off again."""
         content = json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
         try:
             written = 0
             while written < len(content):
                 written += self._file.write(content[written:]) or 0
             os.fsync(self._file.fileno())
-        except OSError as fault:
-            self.fault = f"{self.path}: the journal cannot be written: {fault.strerror or fault}."
+        except OSError as error:
+            self.fault = f"{self.path}: the journal cannot be written: {error.strerror or error}."
             with suppress(OSError):
                 self._file.truncate(self._end)
             return False
@@ -147,16 +163,17 @@ class Journal:
 
 
 def _row(file: BinaryIO, offset: int) -> Mapping[str, Any]:
+    """Return the report row of the line at an offset."""
     file.seek(offset)
-    found: Mapping[str, Any] = json.loads(file.readline())["take"]
-    return found
+    row: Mapping[str, Any] = json.loads(file.readline())["take"]
+    return row
 
 
-def _whole(file: BinaryIO) -> int:
-    """Where the last whole line of a file ends."""
+def _end_of_complete_lines(file: BinaryIO) -> int:
+    """Return the byte after the last newline of a file; 0 if there is none."""
     end = file.seek(0, os.SEEK_END)
     while end:
-        start = max(0, end - 65536)
+        start = max(0, end - _BLOCK)
         file.seek(start)
         newline = file.read(end - start).rfind(b"\n")
         if newline >= 0:

@@ -1,4 +1,4 @@
-"""How much of a machine a run may use: processors for all takes, memory and time for each."""
+"""Limits on what a run uses: processors for all takes; memory and time for each take."""
 
 import contextlib
 import os
@@ -13,8 +13,8 @@ _ROOT = Path("/")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Limits:
-    """workers: processes at a time; 0: none but this one. timeout (seconds), memory (bytes): of one take, or None."""
+class WorkerLimits:
+    """Worker processes (0: run in this process), and the seconds and bytes of memory that one take may use."""
 
     workers: int = 1
     timeout: float | None = None
@@ -22,30 +22,34 @@ class Limits:
 
 
 def processors(root: Path = _ROOT) -> int:
-    """The processors that this process may use: its affinity, and the quota of its control groups (v2 or v1)."""
+    """Return the number of processors that this process may use.
+
+    Its CPU affinity and the quotas of its Linux control groups (v2 or v1) limit the number. root: of the file system.
+    """
     allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return max(1, min([allowed, *(ceil(quota) for quota in _quotas(root))]))
 
 
 def _quotas(root: Path) -> Iterator[float]:
-    """The quota, in processors, of every control group that this process is in, from its own up to the root's."""
+    """Yield the quotas, in processors, of this process's control groups and all groups above them."""
     try:
         groups = [line.split(":", 2) for line in (root / "proc/self/cgroup").read_text().splitlines()]
     except OSError:
         return
-    for _, controllers, place in groups:
-        v2 = not controllers
-        if not v2 and "cpu" not in controllers.split(","):
+    for _, controllers, path in groups:
+        is_v2 = not controllers
+        if not is_v2 and "cpu" not in controllers.split(","):
             continue
-        top = root / "sys/fs/cgroup" / ("" if v2 else "cpu")
-        own = top / place.strip("/")
+        top = root / "sys/fs/cgroup" / ("" if is_v2 else "cpu")
+        own = top / path.strip("/")
         for folder in (own, *own.parents[: len(own.parts) - len(top.parts)]):
-            words = _words(folder, ("cpu.max",) if v2 else ("cpu.cfs_quota_us", "cpu.cfs_period_us"))
+            words = _words(folder, ("cpu.max",) if is_v2 else ("cpu.cfs_quota_us", "cpu.cfs_period_us"))
             if len(words) == 2 and words[0] not in ("max", "-1"):
                 yield int(words[0]) / int(words[1])
 
 
 def _words(folder: Path, names: tuple[str, ...]) -> list[str]:
+    """Return the words of some files, in order; none if a file cannot be read."""
     with contextlib.suppress(OSError):
         return " ".join((folder / name).read_text() for name in names).split()
     return []
@@ -53,9 +57,9 @@ def _words(folder: Path, names: tuple[str, ...]) -> list[str]:
 
 @contextlib.contextmanager
 def memory_limit(memory: int | None) -> Iterator[None]:
-    """Let this process take at most so many bytes more than it has; more than that is a MemoryError.
+    """Let this process allocate at most ``memory`` bytes more than it holds; beyond that Python raises MemoryError.
 
-    Raises UsageError on systems that cannot limit a process (Windows).
+    Raises UsageError on Windows, which cannot limit the memory of a process.
     """
     if memory is None:
         yield
@@ -65,7 +69,7 @@ def memory_limit(memory: int | None) -> Iterator[None]:
     except ImportError:
         raise UsageError("--memory must be left out: this system cannot limit the memory of a process.") from None
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
-    wanted = _mapped(resource.getpagesize()) + memory
+    wanted = _mapped_bytes(resource.getpagesize()) + memory
     resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
     try:
         yield
@@ -73,8 +77,8 @@ def memory_limit(memory: int | None) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
 
 
-def _mapped(page: int) -> int:
-    """The bytes of address space that this process has mapped, or 0 where the system does not say."""
+def _mapped_bytes(page: int) -> int:
+    """Return the bytes of address space that this process has mapped; 0 on systems without /proc."""
     try:
         return int(Path("/proc/self/statm").read_text().split()[0]) * page
     except OSError:

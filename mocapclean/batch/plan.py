@@ -1,111 +1,113 @@
-"""Inputs -> jobs: what is written where, refused as a whole before anything is begun that would lose a file."""
+"""Plan a run: one job per input, with all its outputs; refuse a plan that would lose a file."""
 
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from mocapclean.batch.inputs import Input, shard
-from mocapclean.batch.journal import Before
-from mocapclean.batch.repairing import Job, inode
+from mocapclean.batch.journal import EarlierOutput
+from mocapclean.batch.repairing import RepairJob, inode
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 from mocapclean.formats import check_output
 
-Identity = tuple[int, int]
+FileIdentity = tuple[int, int]
+"""Device and inode of a file; (0, 0) if it does not exist."""
 
 
 def plan(
     inputs: Sequence[Input],
     settings: Settings,
-    kept: Iterable[Path],
-    known: Mapping[str, Before],
+    protected: Iterable[Path],
+    earlier: Mapping[str, EarlierOutput],
     part: tuple[int, int] | None = None,
     *,
     resume: bool = False,
-) -> list[Job]:
-    """A job for each input, or each of a shard's; UsageError where one would write what another does, or must not.
+) -> list[RepairJob]:
+    """Return a job for each input of the run or of its shard.
 
-    kept: other files that must not be written to. known: outputs of earlier runs, which this one may replace. part:
-    (i, n) for shard i of n; the others' outputs may be there already. resume: a foreign file in the place of an output
-    fails its take only.
+    protected: further files that must not be written to. earlier: outputs of earlier runs, which this run may replace.
+    part: (i, n) for shard i of n. resume: a foreign file in the place of an output fails only its own take.
+    Raises UsageError if two jobs would write the same file, or if one would write to an input or an existing file.
     """
     if settings.output and (len(inputs) > 1 or settings.out_dir):
         raise UsageError("--output takes one input and no --out-dir. Use --out-dir for several.")
-    jobs = [_job(found, settings, known, alone=len(inputs) == 1) for found in inputs]
-    _check_places(jobs, settings)
-    identities = _identities((*(found.path for found in inputs), *kept))
+    jobs = [_job(each, settings, earlier, alone=len(inputs) == 1) for each in inputs]
+    _check_targets_differ(jobs, settings)
+    identities = _identities((*(each.path for each in inputs), *protected))
     if part:
         mine = set(shard(inputs, *part))
-        jobs = [job for found, job in zip(inputs, jobs, strict=True) if found in mine]
+        jobs = [job for each, job in zip(inputs, jobs, strict=True) if each in mine]
     for job in jobs:
         _check_format(job)
         for target in job.targets:
             _check_target(target, identities, settings.overwrite or resume)
     if isinstance(settings.report, Path):
-        _check_target(settings.report, identities, settings.overwrite or report_name(settings.report) in known)
+        _check_target(settings.report, identities, settings.overwrite or report_name(settings.report) in earlier)
     return jobs
 
 
 def report_name(report: Path) -> str:
-    """What the report of a run is called in its journal."""
+    """Return the name of a run's report in its journal."""
     return os.path.abspath(report)
 
 
-def make_folders(jobs: Iterable[Job], out_dir: Path | None) -> None:
-    """Make the folders of all outputs; UsageError where that cannot be."""
+def make_folders(jobs: Iterable[RepairJob], out_dir: Path | None) -> None:
+    """Make the folders of all outputs; raise UsageError for a folder that cannot be made."""
     folders = [out_dir, *(job.output.parent for job in jobs)] if out_dir else []
     for folder in dict.fromkeys([*folders, *(job.sidecar.parent for job in jobs if job.sidecar)]):
         try:
             folder.mkdir(parents=True, exist_ok=True)
-        except OSError as fault:
-            raise UsageError(f"{folder}: the folder cannot be made: {fault.strerror or fault}.") from None
+        except OSError as error:
+            raise UsageError(f"{folder}: the folder cannot be made: {error.strerror or error}.") from None
 
 
-def _job(found: Input, settings: Settings, known: Mapping[str, Before], *, alone: bool) -> Job:
-    """The job of an input; ``alone``: whether it is the only one."""
-    source = found.path
+def _job(take: Input, settings: Settings, earlier: Mapping[str, EarlierOutput], *, alone: bool) -> RepairJob:
+    """Return the job of an input. alone: whether it is the only input of the run."""
+    source = take.path
     output = settings.output or source.with_name(f"{source.stem}_filled{source.suffix}")
     name = str(output)
     if settings.out_dir:
-        output, name = settings.out_dir / found.relative, found.relative.as_posix()
+        output, name = settings.out_dir / take.relative, take.relative.as_posix()
     report = output.with_suffix(".report.json") if settings.report is True else None
-    return Job(
+    return RepairJob(
         name=name,
         source=source,
         output=output,
-        sidecar=_sidecar(found, settings.sidecar, alone) if settings.sidecar else None,
+        sidecar=_sidecar(take, settings.sidecar, alone) if settings.sidecar else None,
         report=report,
-        before=known.get(name),
-        inode=inode(output),
+        earlier=earlier.get(name),
+        planned_inode=inode(output),
     )
 
 
-def _sidecar(found: Input, sidecar: Path, alone: bool) -> Path:
+def _sidecar(take: Input, sidecar: Path, alone: bool) -> Path:
+    """Return the path of the arrays of an input: ``sidecar`` itself, or a file below it if it is a folder."""
     if sidecar.suffix not in ("", ".npz") and not sidecar.is_dir():
         raise UsageError(f"{sidecar}: --sidecar must be an .npz file, or a folder.")
     if sidecar.suffix == ".npz" and not alone:
         raise UsageError(f"{sidecar}: --sidecar takes a folder for several inputs.")
-    return sidecar if sidecar.suffix == ".npz" else sidecar / found.relative.with_suffix(".npz")
+    return sidecar if sidecar.suffix == ".npz" else sidecar / take.relative.with_suffix(".npz")
 
 
-def _check_places(jobs: Iterable[Job], settings: Settings) -> None:
-    """Raise UsageError where two results would be one file, or a link leads one out of its folder."""
-    real: dict[Path, str] = {}
+def _check_targets_differ(jobs: Iterable[RepairJob], settings: Settings) -> None:
+    """Raise UsageError if two targets are the same file, or if a link leads a target out of its folder."""
+    real_folders: dict[Path, str] = {}
     seen: set[str] = set()
     for target, top in _targets(jobs, settings):
-        if target.parent not in real:
-            real[target.parent] = os.path.realpath(target.parent)
-        folder = real[target.parent]
+        if target.parent not in real_folders:
+            real_folders[target.parent] = os.path.realpath(target.parent)
+        folder = real_folders[target.parent]
         if top and os.path.commonpath([os.path.realpath(top), folder]) != os.path.realpath(top):
             raise UsageError(f"{target}: the output must stay in {top}. A link leads to {folder}.")
-        place = os.path.normcase(os.path.join(folder, target.name))
-        if place in seen:
+        real_path = os.path.normcase(os.path.join(folder, target.name))
+        if real_path in seen:
             raise UsageError(f"{target}: two results would have this name. Use different names or folders.")
-        seen.add(place)
+        seen.add(real_path)
 
 
-def _targets(jobs: Iterable[Job], settings: Settings) -> Iterator[tuple[Path, Path | None]]:
-    """All files that a run writes, each with the folder that it must stay in, if there is one."""
+def _targets(jobs: Iterable[RepairJob], settings: Settings) -> Iterator[tuple[Path, Path | None]]:
+    """Yield every file that a run writes, with the folder that it must stay in (None: any folder)."""
     for job in jobs:
         for target in job.targets:
             yield target, settings.out_dir if target != job.sidecar else None
@@ -113,23 +115,26 @@ def _targets(jobs: Iterable[Job], settings: Settings) -> Iterator[tuple[Path, Pa
         yield settings.report, None
 
 
-def _check_format(job: Job) -> None:
+def _check_format(job: RepairJob) -> None:
+    """Raise UsageError if the output has another format than the input."""
     if job.output.suffix.lower() != job.source.suffix.lower():
         raise UsageError(f"{job.output}: the output must have the input's format, {job.source.suffix}.")
 
 
-def _check_target(target: Path, kept: Mapping[Identity, Path], overwrite: bool) -> None:
-    check_output(target, kept.get(_identity(target)), True)
+def _check_target(target: Path, protected: Mapping[FileIdentity, Path], overwrite: bool) -> None:
+    """Raise UsageError if a target is a protected file, or exists and may not be replaced."""
+    check_output(target, protected.get(_identity(target)), True)
     check_output(target, None, overwrite)
 
 
-def _identities(paths: Iterable[Path]) -> dict[Identity, Path]:
+def _identities(paths: Iterable[Path]) -> dict[FileIdentity, Path]:
+    """Return the existing files among ``paths`` by identity."""
     return {identity: path for path in paths if (identity := _identity(path)) != (0, 0)}
 
 
-def _identity(path: Path) -> Identity:
+def _identity(path: Path) -> FileIdentity:
     try:
-        found = os.stat(path)
+        status = os.stat(path)
     except (OSError, ValueError):
         return 0, 0
-    return found.st_dev, found.st_ino
+    return status.st_dev, status.st_ino

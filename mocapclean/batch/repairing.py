@@ -1,4 +1,4 @@
-"""Repair as work of a batch: one job in, one row of the report out, and nothing left behind by a lost process."""
+"""Repair takes as work of a pool: one job in, one row of the report out; a lost process leaves no files behind."""
 
 import json
 import os
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from mocapclean import __version__
-from mocapclean.batch.journal import Before
+from mocapclean.batch.journal import EarlierOutput
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError
 from mocapclean.formats import check_output, companion, discard_parts, new_file
@@ -20,14 +20,17 @@ from mocapclean.pipeline.repair import digest, repair
 from mocapclean.report import record
 from mocapclean.report.text import summary
 
+_CACHED_DIGESTS = 64
+"""Files whose hashes are kept, such as one dictionary for all takes; chosen by hand."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
+class RepairJob:
     """One take to repair.
 
-    name: its own in the run and the journal. sidecar, report: where its arrays and its own report go, if anywhere.
-    before: what earlier runs say of the output. inode: of the file that was at ``output`` when the run was planned, if
-    any. again: whether another process may have done it, and been lost, since.
+    name: of the output in the journal, unique in the run. sidecar, report: paths of the take's arrays and of its own
+    report, or None. earlier: the output's record in the journals of earlier runs. planned_inode: of the file that was
+    at ``output`` when the run was planned, or None. may_rerun: a lost process may have run this job before.
     """
 
     name: str
@@ -35,118 +38,124 @@ class Job:
     output: Path
     sidecar: Path | None = None
     report: Path | None = None
-    before: Before | None = None
-    inode: int | None = None
-    again: bool = False
+    earlier: EarlierOutput | None = None
+    planned_inode: int | None = None
+    may_rerun: bool = False
 
     @property
     def targets(self) -> list[Path]:
-        """All files that this job writes."""
+        """Return all files that this job writes."""
         return [path for path in (self.output, self.sidecar, self.report) if path]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Done:
-    """A finished take: its row, or None when an earlier run's still stands; a key if all went well; its summary."""
+class FinishedTake:
+    """The result of a job.
+
+    key: the hash of everything the output was made of; empty if the take failed. row: the take's row of the report;
+    None if an earlier run's output was kept. summary: the text for the terminal.
+    """
 
     key: str = ""
-    take: Mapping[str, Any] | None
-    text: str = ""
+    row: Mapping[str, Any] | None
+    summary: str = ""
 
 
 @dataclass(frozen=True)
 class Repair:
-    """Repair takes with these settings."""
+    """Work of a pool that repairs takes with these settings."""
 
     settings: Settings
 
-    def __call__(self, job: Job) -> Done:
-        """Repair one take, unless its output is there and was made of the same input, settings and version."""
-        source, key = self._key(job.source)
-        own = _is_own(job)
-        if own and job.before and key and key == job.before.key and _is_there(job):
-            return Done(key=key, take=None)
+    def __call__(self, job: RepairJob) -> FinishedTake:
+        """Repair one take, unless its output exists and was made of the same input, settings and version."""
+        source_sha256, key = self._hashes(job.source)
+        may_replace = _may_replace(job)
+        if may_replace and job.earlier and key and key == job.earlier.key and _all_exist(job):
+            return FinishedTake(key=key, row=None)
         settings = self.settings
         for target in job.targets:
-            check_output(target, None, settings.overwrite or own)
-        if own:
+            check_output(target, None, settings.overwrite or may_replace)
+        if may_replace:
             settings = settings.model_copy(update={"overwrite": True})
             _discard_parts(job)
         outcome = repair(job.source, job.output, settings, job.sidecar)
-        if source and outcome.source_sha256 not in ("", source):
+        if source_sha256 and outcome.source_sha256 not in ("", source_sha256):
             job.output.unlink(missing_ok=True)
-            outcome = failed(job, "the input changed while it was read. Try again.")
+            outcome = failed_outcome(job, "the input changed while it was read. Try again.")
         report = job.report if outcome.status != "failed" else None
         if report:
             outcome = self._write_report(report, outcome)
-        shown = report or (self.settings.report if isinstance(self.settings.report, Path) else None)
-        return Done(
+        shown_report = report or (self.settings.report if isinstance(self.settings.report, Path) else None)
+        return FinishedTake(
             key=key if outcome.status != "failed" else "",
-            take=record.row(outcome),
-            text=summary(outcome, verbose=self.settings.verbose, report=shown),
+            row=record.row(outcome),
+            summary=summary(outcome, verbose=self.settings.verbose, report=shown_report),
         )
 
-    def undo(self, job: Job) -> None:
-        """Remove half files, and a whole one whose process was lost before it could tell."""
+    def undo(self, job: RepairJob) -> None:
+        """Remove partial files, and the complete output of a process that was lost before its result arrived."""
         _discard_parts(job)
-        if inode(job.output) not in (None, job.inode):
+        if inode(job.output) not in (None, job.planned_inode):
             with suppress(OSError):
                 job.output.unlink()
 
-    def _key(self, source: Path) -> tuple[str, str]:
-        """The hash of an input, and of all that decides what is made of it; empty where a file cannot be read."""
+    def _hashes(self, source: Path) -> tuple[str, str]:
+        """Return the hash of an input, and of everything its output depends on; both empty if a file is unreadable."""
         values: dict[str, Any] = {"version": __version__, **self.settings.identity}
         try:
-            found = digest(source)
+            source_sha256 = digest(source)
             beside = None if self.settings.skeleton else companion(source)
             files = {"input": source, "beside": beside, **dict(self.settings)}
             for name, path in files.items():
                 if isinstance(path, Path) and (name in values or name in ("input", "beside")):
-                    values[name] = found if path == source else _digest(path, path.stat().st_mtime_ns)
+                    values[name] = source_sha256 if path == source else _digest(path, path.stat().st_mtime_ns)
         except (OSError, MocapcleanError):
             return "", ""
-        return found, sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+        return source_sha256, sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
     def _write_report(self, path: Path, outcome: Outcome) -> Outcome:
+        """Write the take's own report; return the outcome, with the error if the report cannot be written."""
         try:
             with new_file(path) as part:
                 record.write(part, [record.row(outcome)], self.settings.model_dump(mode="json"))
-        except MocapcleanError as fault:
-            return replace(outcome, error=str(fault), exit_code=fault.exit_code)
+        except MocapcleanError as error:
+            return replace(outcome, error=str(error), exit_code=error.exit_code)
         return outcome
 
 
-def _discard_parts(job: Job) -> None:
+def _discard_parts(job: RepairJob) -> None:
     for path in job.targets:
         discard_parts(path)
 
 
-def _is_own(job: Job) -> bool:
-    """Whether this or an earlier run says of the output that it is its own, and nobody has changed it since."""
-    if job.again and inode(job.output) not in (None, job.inode):
+def _may_replace(job: RepairJob) -> bool:
+    """Whether the file at the output was written by this run or an earlier one and is unchanged since."""
+    if job.may_rerun and inode(job.output) not in (None, job.planned_inode):
         return True
-    if job.before is None:
+    if job.earlier is None:
         return False
-    return not (job.before.sha256 and job.output.exists()) or digest(job.output) == job.before.sha256
+    return not (job.earlier.sha256 and job.output.exists()) or digest(job.output) == job.earlier.sha256
 
 
-def _is_there(job: Job) -> bool:
+def _all_exist(job: RepairJob) -> bool:
     return all(path.exists() for path in job.targets)
 
 
-def failed(job: Job, message: str) -> Outcome:
-    """The outcome of a take that nothing was written for."""
+def failed_outcome(job: RepairJob, message: str) -> Outcome:
+    """Return the outcome of a take without an output."""
     return Outcome(source=job.source, status="failed", error=f"{job.source}: {message}", exit_code=1)
 
 
 def inode(path: Path) -> int | None:
-    """What tells a file from one that has replaced it; None where there is none."""
+    """Return the inode of a file, which changes when the file is replaced; None if there is no file."""
     try:
         return os.stat(path).st_ino
     except OSError:
         return None
 
 
-@lru_cache(maxsize=64)
-def _digest(path: Path, changed: int) -> str:
+@lru_cache(maxsize=_CACHED_DIGESTS)
+def _digest(path: Path, modified: int) -> str:
+    """Return the hash of a file. modified: its time of modification, ns, so that a changed file is read again."""
     return digest(path)

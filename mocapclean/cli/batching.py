@@ -1,4 +1,4 @@
-"""Options of commands that take many takes, and how these become inputs."""
+"""Options of commands for many takes; the inputs, limits and signal handling made of them."""
 
 import contextlib
 import os
@@ -12,18 +12,23 @@ import click
 
 from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
-from mocapclean.batch.limits import Limits, processors
+from mocapclean.batch.limits import WorkerLimits, processors
 from mocapclean.batch.pool import Stop
 from mocapclean.cli.options import FILE, Command
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
+_FINISHING = b"mocapclean: Finishing running takes. Press Ctrl-C again to stop now.\n"
+_DROPPING = b"mocapclean: Stopping. Running takes are dropped.\n"
+
 
 class _Shard(click.ParamType[tuple[int, int]]):
+    """The type of ``--shard``: i/n with 1 <= i <= n."""
+
     name = "i/n"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """Two whole numbers, 1 <= i <= n."""
+        """Return (i, n)."""
         index, slash, count = str(value).partition("/")
         if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
             self.fail(f"a shard must be i/n with 1 <= i <= n, such as 3/20. Got {value!r}.", param, ctx)
@@ -31,70 +36,73 @@ class _Shard(click.ParamType[tuple[int, int]]):
 
 
 _SELECTING = (
+    click.option("--files-from", type=click.File("rb"), help="List of more inputs, one per line; - for stdin."),
+    click.option("-0", "--null", is_flag=True, help="Names in --files-from end with NUL, as from 'find -print0'."),
     click.option(
-        "--files-from", type=click.File("rb"), help="File with more inputs, one a line; - for standard input."
+        "--include-files", multiple=True, metavar="GLOB", help="Only files of this name; with / of this path."
     ),
-    click.option("-0", "--null", is_flag=True, help="In --files-from a NUL ends a name, as in 'find -print0'."),
-    click.option("--include-files", multiple=True, metavar="GLOB", help="Only files that match; with a / by the path."),
-    click.option("--exclude-files", multiple=True, metavar="GLOB", help="No files that match."),
-    click.option("--relative-to", type=FILE, help="Mirror the tree below this folder (--files-from: the current one)."),
-    click.option("--shard", type=_Shard(), help="Do part i of n only, for job arrays; the parts share no take."),
+    click.option("--exclude-files", multiple=True, metavar="GLOB", help="No files of this name; with / of this path."),
+    click.option("--relative-to", type=FILE, help="Mirror paths below this folder (--files-from: the current one)."),
+    click.option("--shard", type=_Shard(), help="Do only part i of n, for job arrays; no two parts share a take."),
 )
 _WORKING = (
-    click.option("--workers", metavar="N|auto", help="Takes at a time, each in a process (default: 1)."),
-    click.option("--timeout", type=float, metavar="SECONDS", help="Give up a take that needs longer."),
-    click.option("--memory", metavar="SIZE", help="Give up a take that needs more memory, such as 2GiB."),
+    click.option("--workers", metavar="N|auto", help="Takes at the same time, each in a process (default: 1)."),
+    click.option("--timeout", type=float, metavar="SECONDS", help="A take that needs longer fails."),
+    click.option("--memory", metavar="SIZE", help="A take that needs more memory fails; such as 2GiB."),
 )
-_CLUSTER = click.option("--scheduler", metavar="ADDRESS", help="Let a Dask cluster do it, such as tcp://head:8786.")
+_CLUSTER = click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://head:8786.")
 
 
 def batching(command: Command) -> Command:
-    """Add the options that decide which takes, and how many at a time."""
+    """Add the options that select takes and decide where and how many run at the same time."""
     for option in reversed((*_SELECTING, *_WORKING, _CLUSTER)):
         command = option(command)
     return command
 
 
 def working(command: Command) -> Command:
-    """Add the options that decide how many takes at a time, and what each may need."""
+    """Add the options that decide how many takes run at the same time, and what each may use."""
     for option in reversed(_WORKING):
         command = option(command)
     return command
 
 
-def select(
-    files: tuple[Path, ...], files_from: BinaryIO | None, null: bool, relative_to: Path | None, chosen: Settings
+def select_inputs(
+    files: tuple[Path, ...], files_from: BinaryIO | None, null: bool, relative_to: Path | None, settings: Settings
 ) -> list[Input]:
-    """All inputs, in a fixed order; UsageError where there is none."""
+    """Return all inputs of a command, in a fixed order; raise UsageError if there is none."""
     if not files and files_from is None:
         raise UsageError("Missing argument: name files or folders, or give --files-from.")
     if relative_to and not relative_to.is_dir():
         raise UsageError(f"--relative-to must be a folder. Got {relative_to}.")
-    if chosen.out_dir is None and any(map(os.path.isdir, files)):
+    if settings.out_dir is None and any(map(os.path.isdir, files)):
         raise UsageError(f"{next(filter(os.path.isdir, files))}: an input folder needs --out-dir.")
-    found = [*inputs.named(files, relative_to, chosen.out_dir)]
+    takes = [*inputs.find(files, relative_to, settings.out_dir)]
     if files_from is not None:
-        found += inputs.named(inputs.listed(files_from, null), relative_to or Path(), chosen.out_dir)
-    if chosen.scheduler:
-        found = [replace(each, path=Path(os.path.abspath(each.path))) for each in found]
-    found = inputs.chosen(found, chosen.include_files, chosen.exclude_files)
-    if not found:
-        raise UsageError(f"there must be at least one take ({', '.join(inputs.SUFFIXES)}). Got none.")
-    return found
+        takes += inputs.find(inputs.read_list(files_from, null), relative_to or Path(), settings.out_dir)
+    if settings.scheduler:
+        takes = [replace(each, path=Path(os.path.abspath(each.path))) for each in takes]
+    takes = inputs.matching(takes, settings.include_files, settings.exclude_files)
+    if not takes:
+        raise UsageError(f"the inputs must hold at least one take ({', '.join(inputs.SUFFIXES)}). Got none.")
+    return takes
 
 
-def limits(chosen: Settings, *, alone: bool) -> Limits:
-    """How many processes, and what each take may need; a take that is ``alone`` and has no limit needs no process."""
-    workers = processors() if chosen.workers == "auto" else chosen.workers
-    if alone and chosen.timeout is None and chosen.memory is None:
+def worker_limits(settings: Settings, *, alone: bool) -> WorkerLimits:
+    """Return the limits of a run. alone: its only take, which needs no worker process unless it has a limit."""
+    workers = processors() if settings.workers == "auto" else settings.workers
+    if alone and settings.timeout is None and settings.memory is None:
         workers = 0
-    return Limits(workers=workers, timeout=chosen.timeout, memory=chosen.memory)
+    return WorkerLimits(workers=workers, timeout=settings.timeout, memory=settings.memory)
 
 
 @contextlib.contextmanager
-def stopping() -> Iterator[Stop]:
-    """Let SIGINT and SIGTERM stop a run in two steps."""
-    stop = Stop(lambda: os.write(2, b"mocapclean: begins nothing more; again to stop at once.\n"))
+def stopping(*, on_cluster: bool = False) -> Iterator[Stop]:
+    """Handle SIGINT and SIGTERM inside the block: the first stops the run, the second ends it at once.
+
+    on_cluster: SIGTERM lets running takes finish, as SIGINT does.
+    """
+    stop = Stop(lambda number: os.write(2, _FINISHING if on_cluster or number == signal.SIGINT else _DROPPING))
     previous = {number: signal.signal(number, stop) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop

@@ -1,4 +1,4 @@
-"""``mocapclean bench``: the papers' experiments, resumable, with tables beside the printed values."""
+"""``mocapclean bench``: run the papers' experiments, and show the results beside the printed values."""
 
 import json
 from collections.abc import Sequence
@@ -11,19 +11,21 @@ from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
 from mocapclean.cli.guard import complain, guarded
-from mocapclean.cli.options import FILE
-from mocapclean.config.settings import MILLIMETRES
+from mocapclean.cli.options import FILE, millimetres
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.experiments import plots
-from mocapclean.experiments.jobs import Capture, Choice, Job
 from mocapclean.experiments.protocols import EXPERIMENTS, Experiment
 from mocapclean.experiments.published import statements
 from mocapclean.experiments.results import Results
 from mocapclean.experiments.store import Store
+from mocapclean.experiments.trials import Capture, Request, Trial
 from mocapclean.formats import FORMATS, new_file
 from mocapclean.report.text import table
 from mocapclean.take import ReadOptions
+
+_AMC_RATE = 120.0
+"""Frames per second of the CMU's AMC files; the format stores no rate."""
 
 _SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
 
@@ -31,21 +33,25 @@ _SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUF
 @click.command("bench")
 @click.argument("experiment", type=click.Choice(list(EXPERIMENTS)))
 @click.argument("files", nargs=-1, type=FILE, metavar="[FILES]...")
-@click.option("--folder", type=FILE, help="Takes: where FILES are looked for, or all that the paper uses.")
-@click.option("--quick", is_flag=True, help="Fewer cells, methods and frames: a figure in about a minute.")
+@click.option("--folder", type=FILE, help="Folder in which FILES are names; without FILES, of the paper's takes.")
+@click.option("--quick", is_flag=True, help="Fewer losses, methods and frames: about a minute.")
 @click.option("--seeds", type=click.IntRange(min=1), help="Repetitions with other losses (default: 3; 1 with --quick).")
 @click.option("--methods", multiple=True, metavar="NAME", help="Only these methods; also others than the paper's.")
-@click.option("--set", "assignments", multiple=True, metavar="METHOD.KEY=VALUE", help="A parameter of a method.")
-@click.option("--dictionary", type=FILE, help="What 'mocapclean train' wrote, for llc and srmmp.")
-@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, where it does not lie beside them.")
-@click.option("--rate", type=float, help="Frames per second, for files that do not say (AMC: 120).")
+@click.option("--set", "assignments", multiple=True, metavar="METHOD.KEY=VALUE", help="Set a parameter of a method.")
+@click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")
+@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, if it is in another folder.")
+@click.option("--rate", type=float, help="Frames per second, for files without a rate (AMC: 120).")
 @click.option(
     "--unit", default="cm", show_default=True, help="Unit of length of BVH files: mm, cm, m, in, or mm per unit."
 )
 @click.option(
-    "--out-dir", type=FILE, default="bench", show_default=True, help="Results; a run goes on from what is there."
+    "--out-dir",
+    type=FILE,
+    default="bench",
+    show_default=True,
+    help="Folder for results; finished trials are not repeated.",
 )
-@click.option("--overwrite", is_flag=True, help="Forget the experiment's results and start anew.")
+@click.option("--overwrite", is_flag=True, help="Delete the experiment's results first.")
 @click.option("--plots/--no-plots", "wants_plots", default=True, help="Draw figures; needs the extra 'plots'.")
 @guarded
 def command(
@@ -64,14 +70,14 @@ def command(
     overwrite: bool,
     wants_plots: bool,
 ) -> int:
-    """Run one of the papers' EXPERIMENTs on FILES (.c3d, .bvh, .amc), which are taken for the truth.
+    """Run an EXPERIMENT on FILES (.c3d, .bvh, .amc), whose trusted samples are the truth.
 
-    Writes EXPERIMENT.csv (one row for each finished job), .json, .txt and figures. Ctrl-C keeps the finished rows; the
-    same command goes on from there.
+    Writes EXPERIMENT.csv with one row per finished trial, .json, .txt and figures. Ctrl-C keeps the finished rows. The
+    same command then continues.
     """
     chosen = EXPERIMENTS[experiment]
-    options = _reading(skeleton, rate, unit)
-    choice = Choice(
+    options = ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres(unit))
+    request = Request(
         captures=_captures(files, folder, chosen, options),
         methods=tuple(name.strip() for part in methods for name in part.split(",") if name.strip()),
         changes=_changes(assignments),
@@ -80,103 +86,100 @@ def command(
         folder=tuple(_folder(folder, options)) if folder else (),
         dictionary=load(dictionary) if dictionary else None,
     )
-    notes, jobs = _notes(chosen, choice), chosen.jobs(choice)
+    notes, trials = _notes(chosen, request), chosen.trials(request)
     store = Store(out_dir, experiment, chosen.measures, overwrite)
-    failed = _run(jobs, store)
-    results = store.results(jobs)
+    n_failed = _run(trials, store)
+    results = store.results(trials)
     text = _text(experiment, chosen, results, notes)
     _write(out_dir / f"{experiment}.txt", text)
     _write(out_dir / f"{experiment}.json", _json(experiment, chosen, results, notes))
     click.echo(text, nl=False)
     if wants_plots:
         _draw(chosen, results, out_dir)
-    return int(failed > 0)
+    return int(n_failed > 0)
 
 
-def _notes(chosen: Experiment, choice: Choice) -> list[str]:
-    seeds = f"{choice.n_seeds} seed{'s' if choice.n_seeds > 1 else ''}"
+def _notes(chosen: Experiment, request: Request) -> list[str]:
+    """Return the lines above the tables: seeds, --quick, and the experiment's own notes."""
+    seeds = f"{request.n_seeds} seed{'s' if request.n_seeds > 1 else ''}"
     frames = f", the first {chosen.quick_frames} frames of each take" if chosen.quick_frames else ""
-    quick = f", quick: fewer cells{frames}" if choice.quick else ""
-    return [f"{seeds}{quick}", *chosen.notes(choice)]
+    quick = f", quick: fewer losses{frames}" if request.quick else ""
+    return [f"{seeds}{quick}", *chosen.notes(request)]
 
 
-def _run(jobs: Sequence[Job], store: Store) -> int:
-    """Run what is not there yet; the number of jobs that failed, each kind of failure told once."""
-    told: set[str] = set()
-    failed = 0
-    with tqdm(total=len(jobs), initial=sum(job in store for job in jobs), unit="job", disable=None) as bar:
-        for job in jobs:
-            if job in store:
+def _run(trials: Sequence[Trial], store: Store) -> int:
+    """Run the trials that are not finished; return the number that failed. Each message is printed once."""
+    printed: set[str] = set()
+    n_failed = 0
+    with tqdm(total=len(trials), initial=sum(trial in store for trial in trials), unit="trial", disable=None) as bar:
+        for trial in trials:
+            if trial in store:
                 continue
-            bar.set_postfix_str(f"{job.take} {job.entry.method}")
+            bar.set_postfix_str(f"{trial.take} {trial.entry.method}")
             try:
-                found = job.run()
-            except MocapcleanError as fault:
-                failed += 1
-                message = f"{job.take}, {job.entry.method}: {fault}"
-                if message not in told:
-                    told.add(message)
+                result = trial.run()
+            except MocapcleanError as error:
+                n_failed += 1
+                message = f"{trial.take}, {trial.entry.method}: {error}"
+                if message not in printed:
+                    printed.add(message)
                     with tqdm.external_write_mode():
                         complain(message)
             else:
-                store.add(job, found)
+                store.add(trial, result)
             bar.update()
-    return failed
-
-
-def _reading(skeleton: Path | None, rate: float | None, unit: str) -> ReadOptions:
-    try:
-        millimetres = MILLIMETRES[unit] if unit in MILLIMETRES else float(unit)
-    except ValueError:
-        raise UsageError(f"--unit must be {', '.join(MILLIMETRES)}, or millimetres per unit. Got {unit!r}.") from None
-    return ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres)
+    return n_failed
 
 
 def _capture(path: Path, options: ReadOptions) -> Capture:
+    """Return a file with the options of its format."""
     if path.suffix.lower() == ".amc":
-        return Capture(path=path, options=ReadOptions(skeleton=options.skeleton, rate=options.rate or 120.0))
+        return Capture(path=path, options=ReadOptions(skeleton=options.skeleton, rate=options.rate or _AMC_RATE))
     return Capture(path=path, options=ReadOptions(unit=options.unit if path.suffix.lower() == ".bvh" else None))
 
 
 def _folder(folder: Path, options: ReadOptions) -> list[Capture]:
-    """All takes of a folder, in the order of their names; UsageError for none."""
+    """Return all takes of a folder, sorted by name; raise UsageError if there is none."""
     if not folder.is_dir():
         raise UsageError(f"--folder must be a folder. Got {folder}.")
-    found = [_capture(path, options) for path in sorted(folder.iterdir()) if path.suffix.lower() in _SUFFIXES]
-    if not found:
+    captures = [_capture(path, options) for path in sorted(folder.iterdir()) if path.suffix.lower() in _SUFFIXES]
+    if not captures:
         raise UsageError(f"{folder}: the folder must hold takes ({', '.join(_SUFFIXES)}). Got none.")
-    return found
+    return captures
 
 
 def _captures(
     files: tuple[Path, ...], folder: Path | None, chosen: Experiment, options: ReadOptions
 ) -> tuple[Capture, ...]:
-    """The takes that are named, or the paper's among those of the folder, or all of them."""
-    there = _folder(folder, options) if folder else []
+    """Return the named takes; without names, the paper's takes in the folder, or all takes if it has none of them."""
+    in_folder = _folder(folder, options) if folder else []
     if files:
-        captures = [_named(path, there, options) for path in files]
+        captures = [_named(path, in_folder, options) for path in files]
     else:
-        captures = [capture for capture in there if capture.name in chosen.sequences] or there
+        captures = [capture for capture in in_folder if capture.name in chosen.sequences] or in_folder
     if not captures and chosen.needs_captures:
-        raise UsageError("the experiment must have takes. Name files, or give a --folder.")
+        raise UsageError("the experiment needs takes. Name files, or give a --folder.")
     names = [capture.name for capture in captures]
     for name in names:
         if names.count(name) > 1:
-            raise UsageError(f"{name}: the takes of a run must have different names. Got it {names.count(name)} times.")
+            raise UsageError(
+                f"{name}: the takes of a run must have different names. Got this name {names.count(name)} times."
+            )
     return tuple(captures)
 
 
-def _named(path: Path, there: Sequence[Capture], options: ReadOptions) -> Capture:
-    """A file, or a take of the folder by its name with or without the suffix."""
+def _named(path: Path, in_folder: Sequence[Capture], options: ReadOptions) -> Capture:
+    """Return a file, or the take of this name in the folder, with or without its suffix."""
     if path.is_file():
         return _capture(path, options)
-    for capture in there:
+    for capture in in_folder:
         if str(path) in (capture.name, capture.path.name):
             return capture
-    raise UsageError(f"{path}: a take must be a file, or the name of one in --folder. It is not there.")
+    raise UsageError(f"{path}: a take must be a file, or the name of a file in --folder. No such file.")
 
 
 def _changes(assignments: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the parameters of --set by method; raise UsageError for a malformed assignment."""
     changes: dict[str, dict[str, Any]] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
@@ -192,16 +195,18 @@ def _changes(assignments: Sequence[str]) -> dict[str, dict[str, Any]]:
 
 
 def _text(name: str, chosen: Experiment, results: Results, notes: Sequence[str]) -> str:
+    """Return the text for the terminal: notes, tables, and the paper's statements."""
     lines = [f"{name}: {chosen.reference}", *notes]
-    for found in chosen.tables(results):
-        lines += ["", found.title, *table(found.rows, found.header)]
-    said = statements(name)
-    if said:
-        lines += ["", "The paper says:", *(f"  - {statement}" for statement in said)]
+    for each in chosen.tables(results):
+        lines += ["", each.title, *table(each.rows, each.header)]
+    in_paper = statements(name)
+    if in_paper:
+        lines += ["", "Statements of the paper:", *(f"  - {statement}" for statement in in_paper)]
     return "\n".join(lines) + "\n"
 
 
 def _json(name: str, chosen: Experiment, results: Results, notes: Sequence[str]) -> str:
+    """Return notes, rows and tables as JSON."""
     rows = [
         {
             "take": row.take,
@@ -215,8 +220,8 @@ def _json(name: str, chosen: Experiment, results: Results, notes: Sequence[str])
         for row in results.rows
     ]
     tables = [{"title": t.title, "header": t.header, "rows": t.rows} for t in chosen.tables(results)]
-    whole = {"experiment": name, "reference": chosen.reference, "notes": list(notes), "rows": rows, "tables": tables}
-    return json.dumps(whole, indent=1, ensure_ascii=False) + "\n"
+    content = {"experiment": name, "reference": chosen.reference, "notes": list(notes), "rows": rows, "tables": tables}
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
 def _write(path: Path, text: str) -> None:
@@ -225,8 +230,9 @@ def _write(path: Path, text: str) -> None:
 
 
 def _draw(chosen: Experiment, results: Results, folder: Path) -> None:
+    """Draw the figures and print their paths."""
     if not plots.can_draw():
-        complain("no plots: matplotlib is not installed. Use pip install 'mocapclean[plots]', or --no-plots.")
+        complain("no figures: matplotlib is not installed. Run pip install '.[plots]' in the clone, or use --no-plots.")
         return
     for figure in chosen.figures(results):
         for path in plots.draw(figure, folder):

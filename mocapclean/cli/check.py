@@ -1,4 +1,4 @@
-"""``mocapclean check``: takes against limits, for people and for CI; reads and detects, writes nothing to the takes."""
+"""``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
 
 import contextlib
 from pathlib import Path
@@ -7,11 +7,11 @@ from typing import Any
 import click
 from tqdm import tqdm
 
-from mocapclean.batch.inputs import named
-from mocapclean.batch.pool import Answers, run
-from mocapclean.cli.batching import limits, stopping, working
+from mocapclean.batch.inputs import find
+from mocapclean.batch.pool import JobResults, run
+from mocapclean.cli.batching import stopping, worker_limits, working
 from mocapclean.cli.guard import complain, guarded
-from mocapclean.cli.options import FILE, reading, settings
+from mocapclean.cli.options import FILE, reading, resolve_settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.formats import check_output, new_file
@@ -24,11 +24,11 @@ from mocapclean.report.text import verdict
 
 @click.command("check")
 @click.argument("places", nargs=-1, required=True, type=FILE, metavar="FILES_OR_FOLDERS...")
-@click.option("--junit", "junit_file", type=FILE, help="Where JUnit XML goes: a suite a folder, a case a take.")
-@click.option("--json", "json_file", type=FILE, help="Where everything goes as JSON.")
-@click.option("--overwrite/--no-overwrite", default=None, help="Replace these two if they exist.")
-@click.option("-q", "--quiet/--no-quiet", default=None, help="Print only takes that fail.")
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print every breach, and what to do.")
+@click.option("--junit", "junit_file", type=FILE, help="Write JUnit XML: a suite per folder, a case per take.")
+@click.option("--json", "json_file", type=FILE, help="Write all verdicts, measures and findings as JSON.")
+@click.option("--overwrite/--no-overwrite", default=None, help="Replace these two files if they exist.")
+@click.option("-q", "--quiet/--no-quiet", default=None, help="Print only failing takes, and the totals.")
+@click.option("-v", "--verbose/--no-verbose", default=None, help="Print every exceeded limit, and what to do.")
 @working
 @reading
 @guarded
@@ -40,65 +40,73 @@ def command(
     assignments: tuple[str, ...],
     **options: Any,
 ) -> int:
-    """Check takes (.c3d, .bvh, .amc; all in a folder and below it) against the limits in check: of the configuration.
+    """Check takes (.c3d, .bvh, .amc) against the limits under check: in the configuration.
 
-    Exits 0 when all pass, 1 when some fail, 2 when the command or the configuration is wrong.
+    A folder stands for all takes in it and below it. Exits 0 when all takes pass, 1 when some fail, 2 when the command
+    or the configuration is wrong.
     """
-    chosen = settings(config, assignments, options)
+    settings = resolve_settings(config, assignments, options)
     takes = _takes(places)
-    _check_outputs([path for path in (junit_file, json_file) if path], [*takes, *([config] if config else [])], chosen)
+    _check_outputs(
+        [path for path in (junit_file, json_file) if path], [*takes, *([config] if config else [])], settings
+    )
     verdicts = dict[Path, Verdict]()
     with stopping() as stop:
-        answers: Answers[Path, Verdict] = run(CheckTake(chosen), takes, limits(chosen, alone=len(takes) == 1), stop)
-        with contextlib.closing(answers):
-            _follow(answers, verdicts, chosen, len(takes))
+        results: JobResults[Path, Verdict] = run(
+            CheckTake(settings), takes, worker_limits(settings, alone=len(takes) == 1), stop
+        )
+        with contextlib.closing(results):
+            _print_verdicts(results, verdicts, settings, len(takes))
     if stop.signal:
-        complain(f"interrupted after {len(verdicts)} of {len(takes)} takes; nothing was written.")
+        complain(f"Interrupted after {len(verdicts)} of {len(takes)} takes. No file was written.")
         return 128 + stop.signal
     in_order = [verdicts[take] for take in takes]
-    _write(in_order, junit_file, json_file, chosen)
-    failed = sum(not found.passes for found in in_order)
-    click.echo(f"{len(in_order) - failed} of {len(in_order)} takes pass")
-    return int(failed > 0)
+    _write_files(in_order, junit_file, json_file, settings)
+    n_failed = sum(not each.passes for each in in_order)
+    click.echo(f"{len(in_order) - n_failed} of {len(in_order)} takes pass")
+    return int(n_failed > 0)
 
 
 def _takes(places: tuple[Path, ...]) -> list[Path]:
+    """Return all takes in some files and folders; raise UsageError if there is none."""
     for place in places:
         if not place.exists():
             raise UsageError(f"{place}: the file or folder must exist. It does not.")
-    takes = list(dict.fromkeys(found.path for found in named(places)))
+    takes = list(dict.fromkeys(each.path for each in find(places)))
     if not takes:
-        raise UsageError("there must be takes in the folders. Got none.")
+        raise UsageError("the folders must hold at least one take. Got none.")
     return takes
 
 
-def _check_outputs(outputs: list[Path], inputs: list[Path], chosen: Settings) -> None:
-    """Refuse outputs that would replace an input, each other, or what is there already."""
+def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) -> None:
+    """Raise UsageError for outputs that would replace an input, each other, or an existing file."""
     for path in outputs:
-        for kept in inputs:
-            check_output(path, kept, True)
-        check_output(path, None, chosen.overwrite)
+        for source in inputs:
+            check_output(path, source, True)
+        check_output(path, None, settings.overwrite)
     if len(outputs) == 2 and outputs[0] == outputs[1]:
         raise UsageError(f"{outputs[0]}: --junit and --json must be different files.")
 
 
-def _follow(answers: Answers[Path, Verdict], verdicts: dict[Path, Verdict], chosen: Settings, n_takes: int) -> None:
-    """Keep and tell each verdict as it comes."""
-    with tqdm(total=n_takes, unit="take", disable=None if n_takes > 1 and not chosen.quiet else True) as bar:
-        for source, answer in answers:
-            if isinstance(answer, MocapcleanError):
-                answer = unchecked(source, "finished", f"{source}: {answer}", "raise --timeout or --memory")
-            verdicts[source] = answer
-            if not (chosen.quiet and answer.passes):
+def _print_verdicts(
+    results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, n_takes: int
+) -> None:
+    """Print each verdict when it arrives, and add it to ``verdicts``."""
+    with tqdm(total=n_takes, unit="take", disable=None if n_takes > 1 and not settings.quiet else True) as bar:
+        for source, result in results:
+            if isinstance(result, MocapcleanError):
+                result = unchecked(source, "finished", f"{source}: {result}", "raise --timeout or --memory")
+            verdicts[source] = result
+            if not (settings.quiet and result.passes):
                 with tqdm.external_write_mode():
-                    click.echo(verdict(answer, verbose=chosen.verbose))
+                    click.echo(verdict(result, verbose=settings.verbose))
             bar.update()
 
 
-def _write(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, chosen: Settings) -> None:
+def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, settings: Settings) -> None:
     if junit_file:
         with new_file(junit_file) as part:
             part.write_bytes(junit(verdicts))
     if json_file:
         with new_file(json_file) as part:
-            part.write_text(checked(verdicts, chosen.model_dump(mode="json")), encoding="utf-8")
+            part.write_text(checked(verdicts, settings.model_dump(mode="json")), encoding="utf-8")

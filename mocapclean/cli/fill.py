@@ -1,4 +1,4 @@
-"""``mocapclean fill``: repair takes, write them and their reports."""
+"""``mocapclean fill``: repair takes, and write them and their reports."""
 
 import contextlib
 import json
@@ -12,13 +12,13 @@ from typing import Any, BinaryIO
 import click
 from tqdm import tqdm
 
-from mocapclean.batch.journal import Journal, earlier
+from mocapclean.batch.journal import Journal, earlier_outputs
 from mocapclean.batch.plan import make_folders, plan, report_name
-from mocapclean.batch.pool import Answers, Stop, run
-from mocapclean.batch.repairing import Done, Job, Repair, failed
-from mocapclean.cli.batching import batching, limits, select, stopping
+from mocapclean.batch.pool import JobResults, Stop, run
+from mocapclean.batch.repairing import FinishedTake, Repair, RepairJob, failed_outcome
+from mocapclean.cli.batching import batching, select_inputs, stopping, worker_limits
 from mocapclean.cli.guard import INTERRUPTED, complain, guarded
-from mocapclean.cli.options import FILE, reading, settings
+from mocapclean.cli.options import FILE, reading, resolve_settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.formats import new_file
@@ -31,25 +31,25 @@ from mocapclean.report.text import totals
 @click.argument("files", nargs=-1, type=FILE, metavar="[FILES]...")
 @click.option("-o", "--output", type=FILE, help="The repaired file, for one input; same format as the input.")
 @click.option("--out-dir", type=FILE, help="Folder for the repaired files, under their own names.")
-@click.option("--overwrite/--no-overwrite", default=None, help="Replace outputs that exist.")
-@click.option("--method", help="How to fill: one of 'mocapclean methods', or auto, which picks for each take.")
-@click.option("--dictionary", type=FILE, help="What 'mocapclean train' wrote; llc and srmmp need it.")
-@click.option("--max-gap", type=int, help="Leave gaps of more frames than this.")
-@click.option("--max-error", type=float, metavar="MM", help="Leave gaps whose expected 3D error is larger.")
+@click.option("--overwrite/--no-overwrite", default=None, help="Replace existing outputs.")
+@click.option("--method", help="How to fill: a name from 'mocapclean methods', or auto to choose for each take.")
+@click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")
+@click.option("--max-gap", type=int, metavar="FRAMES", help="Leave longer gaps unfilled.")
+@click.option("--max-error", type=float, metavar="MM", help="Leave gaps with a larger expected 3D error unfilled.")
 @click.option("--self-check/--no-self-check", default=None, help="Measure the error on hidden samples of the take.")
-@click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels back, every number as it is.")
-@click.option("--max-left", help="Exit 1 when more samples are left unfilled: a number, or a percentage such as 2%.")
+@click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels; coordinates stay as they are.")
+@click.option("--max-left", help="Exit 1 if more samples stay unfilled: a number, or a percentage such as 2%.")
 @click.option(
-    "--invalidate/--no-invalidate", default=None, help="Mark as missing (C3D) what is distrusted, not filled."
+    "--invalidate/--no-invalidate", default=None, help="Mark distrusted, unfilled samples as missing (C3D only)."
 )
-@click.option("--reference", type=FILE, help="The true take: adds the RMSE of the filled samples.")
-@click.option("--report", type=FILE, help="Where the JSON report goes (default: beside each output).")
+@click.option("--reference", type=FILE, help="The true take; adds the RMSE of the filled samples to the report.")
+@click.option("--report", type=FILE, help="One JSON report for all takes (default: one beside each output).")
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option("-q", "--quiet/--no-quiet", default=None, help="Print nothing but errors.")
+@click.option("-q", "--quiet/--no-quiet", default=None, help="Print errors only.")
 @click.option("-v", "--verbose/--no-verbose", default=None, help="Print every gap and finding.")
-@click.option("--resume", is_flag=True, help="Skip what an earlier run into --out-dir has done, and is still so.")
-@click.option("--json", "as_json", is_flag=True, help="Print each take's row of the report, one a line, as it is done.")
+@click.option("--resume", is_flag=True, help="Skip takes that an earlier run into --out-dir finished, if unchanged.")
+@click.option("--json", "as_json", is_flag=True, help="Print each take's row of the report as one line of JSON.")
 @batching
 @reading
 @guarded
@@ -66,116 +66,119 @@ def command(
     as_json: bool,
     **options: Any,
 ) -> int:
-    """Fill what cannot be trusted in FILES (.c3d, .bvh, .amc) and change nothing else.
+    """Fill the samples of FILES (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
 
-    Writes take_filled.c3d and take_filled.report.json beside take.c3d unless told otherwise. FILES may be folders:
-    every take in them, and the same tree under --out-dir.
+    Writes take_filled.c3d and take_filled.report.json beside take.c3d, or into --out-dir. A folder among FILES stands
+    for all takes in it and below it; --out-dir then has the same tree.
     """
     if no_report:
         options["report"] = False
-    chosen = settings(config, assignments, options)
-    if (resume or shard) and not chosen.out_dir:
+    settings = resolve_settings(config, assignments, options)
+    if (resume or shard) and not settings.out_dir:
         raise UsageError("--resume and --shard need --out-dir.")
-    if chosen.scheduler:
-        chosen = chosen.absolute()
-    inputs = select(files, files_from, null, relative_to, chosen)
-    known = earlier(chosen.out_dir) if resume and chosen.out_dir else {}
-    kept = [chosen.skeleton, chosen.dictionary, chosen.gaps, chosen.reference, config]
-    jobs = plan(inputs, chosen, filter(None, kept), known, shard, resume=resume)
-    make_folders(jobs, chosen.out_dir)
-    with stopping() as stop, _journal(chosen, shard) as journal:
-        with contextlib.closing(_begin(jobs, journal, chosen, stop)) as answers:
-            n_earlier = _follow(answers, jobs, journal, chosen, as_json)
-        code = _conclude(jobs, journal, chosen, as_json, n_earlier)
+    if settings.scheduler:
+        settings = settings.absolute()
+    inputs = select_inputs(files, files_from, null, relative_to, settings)
+    earlier = earlier_outputs(settings.out_dir) if resume and settings.out_dir else {}
+    protected = [settings.skeleton, settings.dictionary, settings.gaps, settings.reference, config]
+    jobs = plan(inputs, settings, filter(None, protected), earlier, shard, resume=resume)
+    make_folders(jobs, settings.out_dir)
+    with stopping(on_cluster=bool(settings.scheduler)) as stop, _journal(settings, shard) as journal:
+        with contextlib.closing(_begin(jobs, journal, settings, stop)) as results:
+            n_earlier = _collect(results, jobs, journal, settings, as_json)
+        code = _conclude(jobs, journal, settings, as_json, n_earlier)
     if journal.fault:
-        complain(f"{journal.fault} The report is complete, but --resume will not know of all takes.")
+        complain(f"{journal.fault} The report is complete, but --resume will repeat some takes.")
     if stop.signal:
         complain(INTERRUPTED)
     return 128 + stop.signal if stop.signal else code
 
 
-def _begin(jobs: list[Job], journal: Journal, chosen: Settings, stop: Stop) -> Answers[Job, Done]:
-    """Begin the work here, or on the cluster that is to do it."""
-    work, most = Repair(chosen), limits(chosen, alone=len(jobs) == 1)
-    if not chosen.scheduler:
-        return run(work, _journaled(jobs, journal), most, stop)
+def _begin(
+    jobs: list[RepairJob], journal: Journal, settings: Settings, stop: Stop
+) -> JobResults[RepairJob, FinishedTake]:
+    """Return the results of the jobs, run on this machine or on the cluster of ``settings.scheduler``."""
+    work, limits = Repair(settings), worker_limits(settings, alone=len(jobs) == 1)
+    if not settings.scheduler:
+        return run(work, _journaled(jobs, journal), limits, stop)
     from mocapclean.batch import cluster
 
     shared = [*(job.source for job in jobs[:1]), *dict.fromkeys(job.output.parent for job in jobs)]
-    again = [replace(job, again=True) for job in jobs]
-    return cluster.run(work, _journaled(again, journal), chosen.scheduler, most, shared, stop)
+    jobs = [replace(job, may_rerun=True) for job in jobs]
+    return cluster.run(work, _journaled(jobs, journal), settings.scheduler, limits, shared, stop)
 
 
-def _journaled(jobs: Iterable[Job], journal: Journal) -> Iterator[Job]:
-    """The jobs, each noted when it is taken, unless an earlier run has."""
+def _journaled(jobs: Iterable[RepairJob], journal: Journal) -> Iterator[RepairJob]:
+    """Yield the jobs, each recorded in the journal first unless an earlier run has recorded it."""
     for job in jobs:
-        if job.before is None:
+        if job.earlier is None:
             journal.begin(job.name)
         yield job
 
 
 @contextlib.contextmanager
-def _journal(chosen: Settings, shard: tuple[int, int] | None) -> Iterator[Journal]:
-    """The journal in the output folder, for each shard its own; without one, somewhere for as long as the run."""
+def _journal(settings: Settings, shard: tuple[int, int] | None) -> Iterator[Journal]:
+    """Yield the journal of the run: in the output folder, one per shard; or in a temporary folder without --out-dir."""
     name = "journal-{}-of-{}".format(*shard) if shard else "journal"
     with contextlib.ExitStack() as stack:
-        folder = chosen.out_dir or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mocapclean-")))
+        folder = settings.out_dir or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mocapclean-")))
         yield stack.enter_context(Journal(folder, name))
 
 
-def _follow(
-    answers: Iterable[tuple[Job, Done | MocapcleanError]],
-    jobs: list[Job],
+def _collect(
+    results: Iterable[tuple[RepairJob, FinishedTake | MocapcleanError]],
+    jobs: list[RepairJob],
     journal: Journal,
-    chosen: Settings,
+    settings: Settings,
     as_json: bool,
 ) -> int:
-    """Keep and tell each answer as it comes; how many takes an earlier run had done."""
+    """Journal and print each result when it arrives; return the number of takes that an earlier run had finished."""
     n_failed = n_earlier = 0
-    with tqdm(total=len(jobs), unit="take", disable=None if len(jobs) > 1 and not chosen.quiet else True) as bar:
-        for job, answer in answers:
-            if isinstance(answer, MocapcleanError):
-                answer = Done(take=record.row(failed(job, str(answer))))
-            if answer.take is None:
-                assert job.before is not None
-                journal.take_over(job.name, job.before)
+    with tqdm(total=len(jobs), unit="take", disable=None if len(jobs) > 1 and not settings.quiet else True) as bar:
+        for job, result in results:
+            if isinstance(result, MocapcleanError):
+                result = FinishedTake(row=record.row(failed_outcome(job, str(result))))
+            if result.row is None:
+                assert job.earlier is not None
+                journal.adopt(job.name, job.earlier)
                 n_earlier += 1
             else:
-                journal.add(job.name, answer.key, answer.take)
+                journal.add(job.name, result.key, result.row)
             row = _row(job, journal)
             n_failed += row["status"] == "failed"
             with tqdm.external_write_mode():
-                _tell(row, answer, chosen, as_json)
+                _print(row, result, settings, as_json)
             bar.set_postfix_str(f"{n_failed} failed", refresh=False)
             bar.update()
     return n_earlier
 
 
-def _tell(row: Mapping[str, Any], answer: Done, chosen: Settings, as_json: bool) -> None:
+def _print(row: Mapping[str, Any], result: FinishedTake, settings: Settings, as_json: bool) -> None:
+    """Print the error, and the row or the summary, of a finished take."""
     if row["error"]:
         complain(row["error"] if row["status"] == "failed" else f"{row['source']}: {row['error']}")
     if as_json:
         click.echo(json.dumps(row, allow_nan=False))
-    elif answer.text and row["status"] != "failed" and not chosen.quiet:
-        click.echo(answer.text)
+    elif result.summary and row["status"] != "failed" and not settings.quiet:
+        click.echo(result.summary)
 
 
-def _row(job: Job, journal: Journal) -> Mapping[str, Any]:
-    """The one row of a take: what was journaled, under its present names, or that it was not done."""
+def _row(job: RepairJob, journal: Journal) -> Mapping[str, Any]:
+    """Return the report row of a take: the journaled row with the paths of this run, or a row of status skipped."""
     row = journal.row(job.name)
     if row is None:
-        error = f"{job.source}: not begun, or dropped: the run was interrupted."
+        error = f"{job.source}: not repaired, because the run was interrupted. Use --resume to continue."
         return record.row(Outcome(source=job.source, status="skipped", error=error, exit_code=1))
-    present = {"output": job.output, "sidecar": job.sidecar}
-    return {**row, "source": str(job.source), **{name: row[name] and str(path) for name, path in present.items()}}
+    paths = {"output": job.output, "sidecar": job.sidecar}
+    return {**row, "source": str(job.source), **{name: row[name] and str(path) for name, path in paths.items()}}
 
 
-def _conclude(jobs: list[Job], journal: Journal, chosen: Settings, as_json: bool, n_earlier: int) -> int:
-    """Write the report of the run, say how it went, and return the exit code."""
-    if isinstance(chosen.report, Path):
-        journal.begin(report_name(chosen.report))
-        with new_file(chosen.report) as part:
-            record.write(part, (_row(job, journal) for job in jobs), chosen.model_dump(mode="json"))
+def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_json: bool, n_earlier: int) -> int:
+    """Write the report of the run, print its totals, and return its exit code."""
+    if isinstance(settings.report, Path):
+        journal.begin(report_name(settings.report))
+        with new_file(settings.report) as part:
+            record.write(part, (_row(job, journal) for job in jobs), settings.model_dump(mode="json"))
     counts: Counter[str] = Counter()
     code = 0
     for job in jobs:
@@ -184,6 +187,6 @@ def _conclude(jobs: list[Job], journal: Journal, chosen: Settings, as_json: bool
         counts[row["status"]] += 1
         if as_json and row["status"] == "skipped":
             click.echo(json.dumps(row, allow_nan=False))
-    if len(jobs) != 1 and not chosen.quiet and not as_json:
-        click.echo(totals(counts, n_earlier, chosen.report if isinstance(chosen.report, Path) else None))
+    if len(jobs) != 1 and not settings.quiet and not as_json:
+        click.echo(totals(counts, n_earlier, settings.report if isinstance(settings.report, Path) else None))
     return code

@@ -1,4 +1,4 @@
-"""Turn what goes wrong into one sentence on standard error and the right exit code."""
+"""Turn every error into one sentence on standard error, and into an exit code."""
 
 import os
 import signal
@@ -15,25 +15,29 @@ from mocapclean.report.text import printable
 
 P = ParamSpec("P")
 
-INTERRUPTED = "interrupted; files not finished are not there."
+INTERRUPTED = "Interrupted. Unfinished files were removed."
 
 
 def guarded(command: Callable[P, int]) -> Callable[P, NoReturn]:
-    """Run a command that returns its exit code; errors and interruptions end it cleanly, never with a traceback."""
+    """Return a command that exits with the code that ``command`` returns.
+
+    Expected errors, signals and a closed pipe end the process with a message and an exit code, without a traceback.
+    """
 
     @wraps(command)
     def run(*args: P.args, **kwargs: P.kwargs) -> NoReturn:
-        signal.signal(signal.SIGTERM, _stop)
+        signal.signal(signal.SIGTERM, _interrupt)
         try:
             code = command(*args, **kwargs)
             sys.stdout.flush()
-        except MocapcleanError as fault:
-            complain(*_sentences(fault))
-            code = fault.exit_code
-        except KeyboardInterrupt as stop:
+        except MocapcleanError as error:
+            complain(*_sentences(error))
+            code = error.exit_code
+        except KeyboardInterrupt as interrupt:
             complain(INTERRUPTED)
-            code = 128 + (stop.args[0] if stop.args else signal.SIGINT)
+            code = 128 + (interrupt.args[0] if interrupt.args else signal.SIGINT)
         except BrokenPipeError:
+            # Python flushes standard output once more at exit; the null device takes what the pipe no longer does.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             code = 1
         sys.exit(code)
@@ -42,15 +46,16 @@ def guarded(command: Callable[P, int]) -> Callable[P, NoReturn]:
 
 
 def complain(*sentences: str) -> None:
-    """Say on standard error what is wrong, each in a line of its own."""
+    """Print each sentence on a line of its own on standard error."""
     for sentence in sentences:
         click.echo(f"mocapclean: {printable(sentence)}", err=True)
 
 
-def _sentences(fault: MocapcleanError) -> list[str]:
-    """What an error says; only that of a configuration has several things to say."""
-    return str(fault).split("\n") if isinstance(fault, ConfigError) else [str(fault)]
+def _sentences(error: MocapcleanError) -> list[str]:
+    """Return the sentences of an error: a ConfigError has one per line, any other error has one."""
+    return str(error).split("\n") if isinstance(error, ConfigError) else [str(error)]
 
 
-def _stop(signum: int, frame: FrameType | None) -> NoReturn:
+def _interrupt(signum: int, frame: FrameType | None) -> NoReturn:
+    """Handle SIGTERM as Python handles Ctrl-C."""
     raise KeyboardInterrupt(signum)

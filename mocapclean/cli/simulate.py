@@ -1,4 +1,4 @@
-"""``mocapclean simulate``: takes with known truth and gaps, in all three formats, and with known faults."""
+"""``mocapclean simulate``: write simulated takes with gaps, faults and the truth, in all three formats."""
 
 import csv
 from collections.abc import Callable
@@ -18,17 +18,21 @@ from mocapclean.simulate import FAULTS, MOTIONS, Injected, Performance, hide, in
 
 
 @click.command("simulate")
-@click.option("--out-dir", type=FILE, required=True, help="Folder for the takes; made if it is not there.")
-@click.option("--motion", multiple=True, type=click.Choice(list(MOTIONS)), help="Which motions (default: all).")
+@click.option("--out-dir", type=FILE, required=True, help="Folder for the takes; made if it does not exist.")
+@click.option("--motion", multiple=True, type=click.Choice(list(MOTIONS)), help="Simulate this motion (default: all).")
 @click.option("--seconds", type=float, default=10.0, show_default=True, help="Length of each take.")
 @click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second.")
-@click.option("--missing", type=float, default=0.05, show_default=True, help="Share of marker samples that are hidden.")
-@click.option("--faults", metavar="KIND,...", help=f"Put faults into the markers: all, or some of {', '.join(FAULTS)}.")
-@click.option("--fault-rate", type=float, default=1.0, show_default=True, help="Events of a kind for 10,000 samples.")
-@click.option("--fault-size", type=float, default=1.0, show_default=True, help="1: spikes of 20 mm; 2: twice as large.")
-@click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, stated as mm.")
+@click.option("--missing", type=float, default=0.05, show_default=True, help="Share of marker samples to hide.")
+@click.option("--faults", metavar="KIND,...", help=f"Add faults to the markers: all, or some of {', '.join(FAULTS)}.")
+@click.option(
+    "--fault-rate", type=float, default=1.0, show_default=True, help="Events of each kind per 10,000 samples."
+)
+@click.option(
+    "--fault-size", type=float, default=1.0, show_default=True, help="1: spikes of 20 mm; 2: spikes of 40 mm."
+)
+@click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, but state mm.")
 @click.option("--seed", type=int, default=0, show_default=True, help="The same seed gives the same files.")
-@click.option("--overwrite", is_flag=True, help="Replace files that exist.")
+@click.option("--overwrite", is_flag=True, help="Replace existing files.")
 @guarded
 def command(
     out_dir: Path,
@@ -43,17 +47,18 @@ def command(
     seed: int,
     overwrite: bool,
 ) -> int:
-    """Write simulated takes, each with gaps and as the whole truth (NAME_truth), as C3D, BVH and AMC with ASF.
+    """Write simulated takes with gaps (NAME) and complete (NAME_truth), as C3D, BVH and AMC with ASF.
 
-    With --faults the markers of NAME.c3d have faults as well, and NAME_faults.csv says which: kind,marker,first,last.
+    With --faults the markers of NAME.c3d have faults as well, listed in NAME_faults.csv as kind,marker,first,last.
     """
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
-    except OSError as fault:
-        raise UsageError(f"{out_dir}: the folder cannot be made: {fault.strerror}.") from None
+    except OSError as error:
+        raise UsageError(f"{out_dir}: the folder cannot be made: {error.strerror}.") from None
     kinds = [] if faults in (None, "all") else [kind.strip() for kind in str(faults).split(",") if kind.strip()]
     for name in motion or MOTIONS:
         performance = perform(name, seconds, rate, seed)
+        # Faults and gaps are drawn from generators of their own, so that --faults leaves the gaps as they are.
         injected = inject(
             performance.markers, np.random.default_rng([seed, 2]), kinds, fault_rate if faults else 0.0, fault_size
         )
@@ -61,7 +66,7 @@ def command(
             positions = injected.take.positions / MILLIMETRES[stated_as]
             injected = replace(injected, take=replace(injected.take, positions=positions))
         rng = np.random.default_rng([seed, 1])
-        for path in _write(performance, injected, out_dir, missing, rng, overwrite, with_list=bool(faults)):
+        for path in _write(performance, injected, out_dir, missing, rng, overwrite, with_faults=bool(faults)):
             click.echo(path)
     return 0
 
@@ -73,12 +78,13 @@ def _write(
     missing: float,
     rng: np.random.Generator,
     overwrite: bool,
-    with_list: bool,
+    with_faults: bool,
 ) -> list[Path]:
+    """Write all files of a performance into a folder, and return their paths."""
     name, rate = performance.name, performance.rate
-    broken = hide(injected.take, occlude(performance.markers, rng, missing))
-    bvh_broken = lose_channels(performance.bvh, performance.bvh_poses, rng)
-    asf_broken = lose_channels(performance.asf, performance.asf_poses, rng)
+    with_gaps = hide(injected.take, occlude(performance.markers, rng, missing))
+    bvh_with_gaps = lose_channels(performance.bvh, performance.bvh_poses, rng)
+    asf_with_gaps = lose_channels(performance.asf, performance.asf_poses, rng)
     asf = folder / f"{name}.asf"
 
     def motion(poses: Floats) -> Callable[[Path], None]:
@@ -86,14 +92,14 @@ def _write(
 
     writers: dict[str, Callable[[Path], None]] = {
         f"{name}_truth.c3d": lambda part: c3d.create(performance.markers, part),
-        f"{name}.c3d": lambda part: c3d.create(broken, part),
+        f"{name}.c3d": lambda part: c3d.create(with_gaps, part),
         f"{name}_truth.bvh": lambda part: bvh.create(performance.bvh, performance.bvh_poses, rate, part),
-        f"{name}.bvh": lambda part: bvh.create(performance.bvh, bvh_broken, rate, part),
+        f"{name}.bvh": lambda part: bvh.create(performance.bvh, bvh_with_gaps, rate, part),
         f"{name}_01_truth.amc": motion(performance.asf_poses),
-        f"{name}_01.amc": motion(asf_broken),
+        f"{name}_01.amc": motion(asf_with_gaps),
     }
-    if with_list:
-        writers[f"{name}_faults.csv"] = lambda part: _list(injected, part)
+    if with_faults:
+        writers[f"{name}_faults.csv"] = lambda part: _write_faults(injected, part)
     paths = [folder / file for file in writers]
     for path in (asf, *paths):
         check_output(path, None, overwrite)
@@ -103,8 +109,8 @@ def _write(
     return [asf, *paths]
 
 
-def _list(injected: Injected, path: Path) -> None:
-    """The faults, a line for each marker of each, in the file's own frame numbers, inclusive."""
+def _write_faults(injected: Injected, path: Path) -> None:
+    """Write the faults as CSV, one line per marker of each fault, with the file's frame numbers, inclusive."""
     take = injected.take
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -1,4 +1,4 @@
-"""``mocapclean train``: learn a body's dictionary from clean takes."""
+"""``mocapclean train``: learn a dictionary of a body's poses from clean takes."""
 
 from collections.abc import Iterator
 from dataclasses import fields, replace
@@ -14,8 +14,7 @@ from tqdm import tqdm
 
 from mocapclean import formats
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE
-from mocapclean.config.settings import MILLIMETRES
+from mocapclean.cli.options import FILE, millimetres
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import Params, n_steps, train
 from mocapclean.errors import UsageError
@@ -37,18 +36,18 @@ def _training(command: Any) -> Any:
 
 @click.command("train")
 @click.argument("inputs", nargs=-1, required=True, type=FILE, metavar="FOLDER|FILES...")
-@click.option("-o", "--output", type=FILE, required=True, help="The dictionary, such as walk.dict.npz.")
-@click.option("--body-parts", type=FILE, help="YAML: names of markers under TO, LA, RA, LL, RL, and the frame.")
+@click.option("-o", "--output", type=FILE, required=True, help="The dictionary to write, such as walk.dict.npz.")
+@click.option("--body-parts", type=FILE, help="YAML: marker names under TO, LA, RA, LL, RL and the frame.")
 @click.option("--exclude", multiple=True, metavar="NAME", help="Leave this marker out.")
-@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, where it is in another folder.")
-@click.option("--rate", type=float, help="Frames per second, for files that do not state it (AMC: 120).")
+@click.option("--skeleton", type=FILE, help="The .asf of the .amc files, if it is in another folder.")
+@click.option("--rate", type=float, help="Frames per second, for files without a rate (AMC: 120).")
 @click.option(
     "--unit", default="cm", show_default=True, help="Unit of length of BVH files: mm, cm, m, in, or mm per unit."
 )
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="The same seed gives the same dictionary."
 )
-@click.option("--overwrite", is_flag=True, help="Replace a dictionary that exists.")
+@click.option("--overwrite", is_flag=True, help="Replace an existing dictionary.")
 @_training
 @guarded
 def command(
@@ -63,9 +62,9 @@ def command(
     overwrite: bool,
     **options: Any,
 ) -> int:
-    """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc): FILES, or all of a FOLDER.
+    """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc): FILES, or all takes of a FOLDER.
 
-    All must be of one body, with the same markers and rate; only trusted samples are learnt from.
+    All takes must show the same body, with the same markers and rate. Only trusted samples are used.
     """
     try:
         params = Params(**options)
@@ -97,6 +96,7 @@ def command(
 
 
 def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
+    """Yield the files, and the takes directly in the folders, sorted; raise UsageError for a folder without takes."""
     suffixes = {suffix for module in formats.FORMATS.values() for suffix in module.SUFFIXES}
     for path in inputs:
         if not path.is_dir():
@@ -109,29 +109,25 @@ def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
 
 
 def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:
+    """Return the options with which a take is read."""
     return {
         "skeleton": skeleton if formats.format_of(path) == "amc" else None,
         "rate": rate,
-        "unit": _millimetres(unit),
+        "unit": millimetres(unit),
     }
 
 
-def _millimetres(unit: str) -> float:
-    try:
-        return MILLIMETRES[unit] if unit in MILLIMETRES else float(unit)
-    except ValueError:
-        raise UsageError(f"--unit must be {', '.join(MILLIMETRES)}, or millimetres per unit. Got {unit!r}.") from None
-
-
 def _without(take: Take, exclude: tuple[str, ...]) -> Take:
+    """Return a take without some markers."""
     kept = [k for k, name in enumerate(take.markers) if name not in exclude]
     return replace(take.select(np.array(kept, dtype=np.intp)), origin=take.origin)
 
 
 def _read_parts(path: Path) -> BodyParts:
+    """Return the body parts in a YAML file; raise UsageError if it is unreadable."""
     try:
         return from_mapping(YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8")), str(path))
-    except OSError as fault:
-        raise UsageError(f"{path}: cannot be read: {fault.strerror}.") from None
-    except (YAMLError, UnicodeDecodeError) as fault:
-        raise UsageError(f"{path}: not valid YAML: {str(fault).splitlines()[0]}.") from None
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: not valid YAML: {str(error).splitlines()[0]}.") from None

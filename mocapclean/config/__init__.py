@@ -1,1 +1,1 @@
-"""Configuration: YAML and command line to frozen settings."""
+"""The configuration: its keys and defaults (``settings``), and reading it from YAML and the command (``loading``)."""

@@ -1,6 +1,5 @@
-"""The papers' experiments: what is run, what comes out, and the printed results to set beside it.
+"""The papers' experiments: their trials, results, tables and figures, with the printed results for comparison.
 
-One module per paper, one literal registry (``protocols.EXPERIMENTS``). A paper's module makes jobs (one method on one
-take with one loss and one seed), tables and figures; ``store`` keeps what a job found, ``plots`` draws. Nothing here
-prints.
+Each paper has one module; ``protocols.EXPERIMENTS`` lists them. A module makes trials (one method on one take with one
+loss pattern and one seed), tables and figures. ``store`` keeps the results of trials, ``plots`` draws the figures.
 """

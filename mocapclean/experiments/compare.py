@@ -1,6 +1,7 @@
-"""Any methods on any takes: gaps as cameras leave them (``simulate.occlude``), errors in mm by length of gap.
+"""Compare methods on the user's own takes: gaps of natural lengths (``simulate.occlude``), errors in mm by gap length.
 
-Gaps at the ends of a take are judged apart: some methods leave them, others have to guess.
+This experiment is from no paper. Errors of gaps at the ends of a take are reported separately, because some methods
+leave these gaps and others extrapolate.
 """
 
 from collections.abc import Sequence
@@ -11,8 +12,8 @@ import numpy as np
 from mocapclean.arrays import Bools, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.evaluation import metrics
-from mocapclean.experiments.jobs import Capture, Choice, Entry, Found, Job, grid, solve
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
+from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
 from mocapclean.simulate import occlude
 from mocapclean.take import Take
 
@@ -21,53 +22,55 @@ CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, st
 GROUPS = ("inside", *CLASSES, "at ends")
 MEASURES = (*(f"rmse {name}" for name in GROUPS), "rmse_3d", "largest", "left", "share", "seconds")
 QUICK_FRAMES = 600
+"""First frames of a take that --quick keeps; chosen by hand."""
+
 ENTRIES = (Entry(method="linear"), Entry(method="spline"), Entry(method=DEFAULT_METHOD))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Occlusion:
-    """A share of the samples hidden in gaps of natural lengths."""
+    """A share of the samples, hidden in gaps of natural lengths."""
 
     share: float = 0.05
 
     @property
     def cell(self) -> dict[str, str]:
-        """Its share."""
+        """Return the kind and the share of the loss."""
         return {"loss": "occlusion", "share": f"{self.share:g}"}
 
-    def missing(self, take: Take, seed: int) -> Bools:
-        """The trusted samples (F, M) that are hidden."""
+    def hidden(self, take: Take, seed: int) -> Bools:
+        """Return the trusted samples (F, M) that are hidden; the same for every method."""
         rng = np.random.default_rng([seed, round(1000 * self.share)])
         return occlude(take, rng, self.share) & take.trusted
 
 
-def jobs(choice: Choice) -> list[Job]:
-    """Every method on every take."""
-    return grid(choice.shortened(QUICK_FRAMES), choice.entries(ENTRIES), [Occlusion()], run)
+def trials(request: Request) -> list[Trial]:
+    """Return a trial for every method on every take."""
+    return grid(request.shortened(QUICK_FRAMES), request.entries(ENTRIES), [Occlusion()], run)
 
 
-def run(capture: Capture, entry: Entry, loss: Occlusion, seed: int) -> Found:
-    """The error of the hidden samples in gaps inside the take, in all and by length, and in those at its ends."""
+def run(capture: Capture, entry: Entry, loss: Occlusion, seed: int) -> TrialResult:
+    """Return the errors of the hidden samples: inside the take, in all and by gap length, and at its ends."""
     truth = capture.take
-    missing = loss.missing(truth, seed)
-    solution, seconds = solve(truth, missing, entry)
-    filled = missing & solution.filled
+    hidden = loss.hidden(truth, seed)
+    solution, seconds = solve(truth, hidden, entry)
+    filled = hidden & solution.filled
     measures: dict[str, float | int] = {
-        "left": int((missing & ~filled).sum()),
-        "share": float(missing.mean()),
+        "left": int((hidden & ~filled).sum()),
+        "share": float(hidden.mean()),
         "seconds": seconds,
     }
-    for name, where in _classes(~truth.trusted | missing):
-        found = metrics.error(truth.positions, solution.positions, where & filled)
-        if found:
-            measures[f"rmse {name}"] = found.rmse
-        if found and name == "inside":
-            measures |= {"rmse_3d": found.rmse_3d, "largest": found.largest}
+    for name, where in _classes(~truth.trusted | hidden):
+        error = metrics.error(truth.positions, solution.positions, where & filled)
+        if error:
+            measures[f"rmse {name}"] = error.rmse
+        if error and name == "inside":
+            measures |= {"rmse_3d": error.rmse_3d, "largest": error.largest}
     return measures, {}
 
 
 def _classes(untrusted: Bools) -> list[tuple[str, Bools]]:
-    """The samples (F, M) of gaps at an end of the take, of all others, and of these by length."""
+    """Return named groups of samples (F, M): gaps at the ends, gaps inside the take, and the latter by length."""
     gaps = list(column_runs(untrusted))
     inside = [(k, start, stop) for k, start, stop in gaps if start > 0 and stop < len(untrusted)]
     within = _samples(untrusted, inside)
@@ -77,6 +80,7 @@ def _classes(untrusted: Bools) -> list[tuple[str, Bools]]:
 
 
 def _samples(untrusted: Bools, gaps: Sequence[tuple[int, int, int]]) -> Bools:
+    """Return the samples (F, M) of some gaps, given as (marker, start, stop)."""
     where = np.zeros_like(untrusted)
     for marker, start, stop in gaps:
         where[start:stop, marker] = True
@@ -84,7 +88,7 @@ def _samples(untrusted: Bools, gaps: Sequence[tuple[int, int, int]]) -> Bools:
 
 
 def tables(results: Results) -> list[Table]:
-    """For each take and method the errors, in all and by length of gap."""
+    """Return the table of errors of each take and method, in all and by gap length."""
     columns = (*(f"rmse {name}" for name in GROUPS), "rmse_3d", "largest", "left", "seconds")
     rows = [
         (take, label, *(number(results.where(take=take, label=label).mean(column)) for column in columns))
@@ -93,7 +97,7 @@ def tables(results: Results) -> list[Table]:
     ]
     return [
         Table(
-            title="Hidden samples, mm: RMSE of gaps inside the take, by frames, and at its ends; 3D, largest: inside",
+            title="Hidden samples, mm: RMSE inside the take, by gap length, and at its ends; 3D, largest: inside",
             header=("take", "method", *GROUPS, "3D", "largest", "left", "seconds"),
             rows=tuple(rows),
         )
@@ -101,13 +105,13 @@ def tables(results: Results) -> list[Table]:
 
 
 def figures(results: Results) -> list[Figure]:
-    """The error over the length of gaps, one panel for each take."""
+    """Return a figure of the error over the gap length, with a panel for each take."""
     panels = []
     for take in results.takes:
         curves = []
         for label in results.where(take=take).labels:
-            mine = results.where(take=take, label=label)
-            points = [(k, mine.mean(f"rmse {name}")) for k, name in enumerate(CLASSES)]
+            subset = results.where(take=take, label=label)
+            points = [(k, subset.mean(f"rmse {name}")) for k, name in enumerate(CLASSES)]
             known = [(x, y) for x, y in points if y is not None]
             curves.append(Curve(label=label, x=[x for x, _ in known], y=[y for _, y in known]))
         panels.append(

@@ -1,7 +1,8 @@
-"""Random and continuous loss on normalised data: trnn2 against trnn and tnnr.
+"""The experiments of Imamura & Okuda 2018: random and continuous loss; trnn2, trnn and tnnr.
 
-R. Imamura, M. Okuda, 2018: RMSE over the missing entries (23) in units of the take's one standard deviation, and the
-singular values of the second differences D₂X of the complete take, the broken one and the repaired ones.
+R. Imamura, M. Okuda, 2018. As tables of numbers it reproduces the paper's plots: the RMSE over the missing entries, eq.
+(23), in standard deviations of the take; and the singular values of the second differences D₂X of the complete take, of
+the take with gaps, and of the repaired takes.
 """
 
 from dataclasses import replace
@@ -10,29 +11,31 @@ import numpy as np
 
 from mocapclean.arrays import Floats
 from mocapclean.experiments import losses
-from mocapclean.experiments.jobs import Capture, Choice, Entry, Found, Job, Loss, grid, rms, solve
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table
+from mocapclean.experiments.trials import Capture, Entry, Loss, Request, Trial, TrialResult, grid, rms, solve
 from mocapclean.numerics.low_rank.differences import difference
 
 MEASURES = ("rmse", "rmse_mm", "seconds", "iterations", "converged", "left")
 QUICK_FRAMES = 240
+"""First frames of a take that --quick keeps; chosen by hand."""
+
 ENTRIES = (Entry(method="tnnr"), Entry(method="trnn"), Entry(method="trnn2"))
-SHOWN = Loss(length=60, out=losses.OUT)
-"""The loss whose singular values are shown."""
+SHOWN_LOSS = Loss(length=60, out=losses.OUT)
+"""The loss for which singular values are plotted."""
 
 
-def jobs(choice: Choice) -> list[Job]:
-    """Every method with every loss."""
-    entries = choice.entries(ENTRIES)
-    return grid(choice.shortened(QUICK_FRAMES), entries, losses.losses(choice.quick), run)
+def trials(request: Request) -> list[Trial]:
+    """Return a trial for every method and every loss."""
+    entries = request.entries(ENTRIES)
+    return grid(request.shortened(QUICK_FRAMES), entries, losses.losses(request.quick), run)
 
 
-def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
-    """The error, and for the shown loss the singular values of D₂X, all in standard deviations of the take."""
+def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> TrialResult:
+    """Return the error and, for ``SHOWN_LOSS``, the singular values of D₂X, in standard deviations of the take."""
     truth = capture.take
-    missing = loss.missing(truth, seed)
-    solution, seconds = solve(truth, missing, entry)
-    filled = missing & solution.filled
+    hidden = loss.hidden(truth, seed)
+    solution, seconds = solve(truth, hidden, entry)
+    filled = hidden & solution.filled
     error = rms(solution.positions[filled] - truth.positions[filled])
     spread = float(truth.positions[truth.trusted].std()) or 1.0
     measures = {
@@ -41,38 +44,39 @@ def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
         "seconds": seconds,
         "iterations": solution.iterations,
         "converged": int(solution.converged),
-        "left": int((missing & ~filled).sum()),
+        "left": int((hidden & ~filled).sum()),
     }
-    if loss != SHOWN or seed or not truth.trusted.all():
+    if loss != SHOWN_LOSS or seed or not truth.trusted.all():
         return measures, {}
-    mean = truth.positions[~missing].mean()
+    mean = truth.positions[~hidden].mean()
     repaired = np.where(filled[..., None], solution.positions, truth.positions)
-    broken = np.where(missing[..., None], mean, truth.positions)
-    stages = {"complete": truth.positions, "broken": broken, "repaired": repaired}
+    with_gaps = np.where(hidden[..., None], mean, truth.positions)
+    stages = {"complete": truth.positions, "broken": with_gaps, "repaired": repaired}
     return measures, {name: _spectrum(positions) / spread for name, positions in stages.items()}
 
 
 def _spectrum(positions: Floats) -> Floats:
-    """The singular values of D₂X in descending order."""
+    """Return the singular values of D₂X in descending order."""
     matrix = positions.reshape(len(positions), -1)
     return np.asarray(np.linalg.svd(difference(difference(matrix)), compute_uv=False), dtype=np.float64)
 
 
 def tables(results: Results) -> list[Table]:
-    """Errors over the losses, for each take and for their mean; seconds."""
-    found = [losses.over_losses(results, "rmse", "RMSE over the missing entries, standard deviations of the take")]
+    """Return tables of errors over the losses, for each take and for their mean, and of seconds."""
+    made = [losses.over_losses(results, "rmse", "RMSE over the missing entries, standard deviations of the take")]
     if len(results.takes) > 1:
-        found.append(losses.over_losses(_together(results), "rmse", "RMSE, mean over takes"))
-    return [*found, losses.over_losses(results, "seconds", "Seconds")]
+        made.append(losses.over_losses(_together(results), "rmse", "RMSE, mean over takes"))
+    return [*made, losses.over_losses(results, "seconds", "Seconds")]
 
 
 def _together(results: Results) -> Results:
+    """Return the rows of all takes under one name."""
     return Results(tuple(replace(row, take="all takes") for row in results.rows))
 
 
 def figures(results: Results) -> list[Figure]:
-    """The mean error over takes and seeds; for each take the singular values of D₂X."""
-    found = [
+    """Return figures of the mean error over takes and seeds, and of the singular values of D₂X of each take."""
+    made = [
         Figure(
             name="imamura2018_rmse",
             title="RMSE of the missing entries, mean over takes",
@@ -80,14 +84,15 @@ def figures(results: Results) -> list[Figure]:
         )
     ]
     for take in results.takes:
-        panel = _spectra(results.where(take=take, length=SHOWN.length))
+        panel = _spectra(results.where(take=take, length=SHOWN_LOSS.length))
         if panel.curves:
             title = f"{take}: singular values of the second differences"
-            found.append(Figure(name=f"imamura2018_{take}_spectrum", title=title, panels=(panel,)))
-    return found
+            made.append(Figure(name=f"imamura2018_{take}_spectrum", title=title, panels=(panel,)))
+    return made
 
 
 def _spectra(results: Results) -> Panel:
+    """Return a panel of the singular values: the complete take, the take with gaps, and each method's repair."""
     curves: list[Curve] = []
     for row in results.rows:
         series = row.series()
@@ -96,7 +101,7 @@ def _spectra(results: Results) -> Panel:
                 curves.append(_curve(name, series[name], dashed=True))
         if series:
             curves.append(_curve(row.label, series["repaired"]))
-    title = f"{SHOWN.out} markers out in blocks of {SHOWN.length} frames"
+    title = f"{SHOWN_LOSS.out} markers hidden in blocks of {SHOWN_LOSS.length} frames"
     return Panel(title=title, x_label="index", y_label="singular value of D2 X", curves=tuple(curves), log_y=True)
 
 

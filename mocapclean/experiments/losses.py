@@ -1,21 +1,26 @@
-"""The two losses of the truncated nuclear norm papers, and the tables and panels over them.
+"""The two losses of the truncated nuclear norm papers (Hu et al. 2017, Imamura & Okuda 2018), their tables and panels.
 
-Random: a share of the markers is out in each frame. Blocks: 10 random markers are out in each block of frames, our
-reading of "continuous" loss.
+Random loss: a share of the markers is hidden in each frame. Continuous loss: 10 random markers are hidden in each block
+of frames; the papers do not define it further, so this is our reading.
 """
 
 from collections.abc import Mapping
 
-from mocapclean.experiments.jobs import Loss
 from mocapclean.experiments.results import Curve, Panel, Results, Table, number
+from mocapclean.experiments.trials import Loss
 
 RATIOS = (0.2, 0.3, 0.4, 0.5, 0.6)
+"""Shares of the markers hidden in each frame; Hu et al. 2017."""
+
 LENGTHS = (20, 30, 40, 50, 60)
+"""Frames of a block; Hu et al. 2017."""
+
 OUT = 10
+"""Markers hidden in each block; Hu et al. 2017."""
 
 
 def losses(quick: bool) -> list[Loss]:
-    """All ratios and lengths, or the first and the last of each."""
+    """Return all losses; with ``quick`` only the first and the last ratio and length."""
     step = 4 if quick else 1
     return [
         *(Loss(ratio=ratio) for ratio in RATIOS[::step]),
@@ -24,7 +29,7 @@ def losses(quick: bool) -> list[Loss]:
 
 
 def over_losses(results: Results, measure: str, title: str) -> Table:
-    """A measure for each take and method: ratios, then lengths; the mean over seeds."""
+    """Return a table of a measure, mean over seeds: takes and methods over ratios and lengths."""
     cells: list[Mapping[str, str]] = [
         *({"ratio": ratio} for (ratio,) in results.cells("ratio")),
         *({"length": length} for (length,) in results.cells("length")),
@@ -39,23 +44,23 @@ def over_losses(results: Results, measure: str, title: str) -> Table:
 
 
 def panels(results: Results, measure: str, y_label: str) -> tuple[Panel, ...]:
-    """A measure over the ratio, and over the length of blocks."""
+    """Return a panel of a measure over the ratio, and one over the length of blocks."""
     return tuple(
         Panel(title=title, x_label=x_label, y_label=y_label, curves=curves(results, part, measure))
         for part, title, x_label in (
-            ("ratio", "random loss", "share of markers out"),
-            ("length", f"{OUT} markers out in blocks", "frames"),
+            ("ratio", "random loss", "share of markers hidden"),
+            ("length", f"{OUT} markers hidden in blocks", "frames"),
         )
     )
 
 
 def curves(results: Results, part: str, measure: str) -> tuple[Curve, ...]:
-    """One curve for each method over this part of the cell."""
-    found = []
+    """Return a curve of a measure for each method, over the values of ``part`` of the cells."""
+    curves = []
     for label in results.labels:
-        mine = results.where(label=label)
-        points = [(float(value), mine.where(**{part: value}).mean(measure)) for (value,) in mine.cells(part)]
+        subset = results.where(label=label)
+        points = [(float(value), subset.where(**{part: value}).mean(measure)) for (value,) in subset.cells(part)]
         known = [(x, y) for x, y in points if y is not None]
         if known:
-            found.append(Curve(label=label, x=[x for x, _ in known], y=[y for _, y in known]))
-    return tuple(found)
+            curves.append(Curve(label=label, x=[x for x, _ in known], y=[y for _, y in known]))
+    return tuple(curves)

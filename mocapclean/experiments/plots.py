@@ -1,4 +1,4 @@
-"""Draw figures with matplotlib, an optional extra: PNG and SVG, the same bytes for the same results."""
+"""Draw figures with matplotlib, an optional extra, as PNG and SVG; the same results give the same bytes."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -11,8 +11,11 @@ import numpy as np
 from mocapclean.experiments.results import Figure, Panel
 from mocapclean.formats import new_file
 
-_WIDTH, _HEIGHT = 5.2, 4.2
-_ROUNDING = 1e-8
+_PANEL_WIDTH = 5.2  # inches
+_PANEL_HEIGHT = 4.2  # inches
+_TICK_HEIGHT = 0.15  # inches for each named row of a picture
+_MOST_MARKED_POINTS = 40  # a curve of more points is drawn without marks
+_ROUNDING = 1e-8  # values below this share of the largest are rounding errors
 
 
 def can_draw() -> bool:
@@ -21,13 +24,13 @@ def can_draw() -> bool:
 
 
 def draw(figure: Figure, folder: Path) -> Iterator[Path]:
-    """Write ``folder/name.png`` and ``.svg``, replacing what is there."""
+    """Write ``folder/name.png`` and ``.svg``, replacing existing files, and yield their paths."""
     import matplotlib
     from matplotlib.figure import Figure as Canvas
 
-    height = max(_HEIGHT, *(0.15 * len(panel.ticks) for panel in figure.panels))
+    height = max(_PANEL_HEIGHT, *(_TICK_HEIGHT * len(panel.ticks) for panel in figure.panels))
     with matplotlib.rc_context({"svg.hashsalt": "mocapclean", "font.size": 9}):
-        canvas = Canvas(figsize=(_WIDTH * len(figure.panels), height), layout="constrained")
+        canvas = Canvas(figsize=(_PANEL_WIDTH * len(figure.panels), height), layout="constrained")
         canvas.suptitle(figure.title)
         axes = canvas.subplots(1, len(figure.panels), squeeze=False)[0]
         _paint(canvas, axes, figure)
@@ -39,6 +42,7 @@ def draw(figure: Figure, folder: Path) -> Iterator[Path]:
 
 
 def _paint(canvas: Any, axes: Any, figure: Figure) -> None:
+    """Draw all panels; pictures share one scale of colours."""
     pictures = [np.asarray(p.picture) for p in figure.panels if p.picture is not None]
     finite = [picture[np.isfinite(picture)] for picture in pictures]
     low, high = (min(p.min() for p in finite), max(p.max() for p in finite)) if finite else (0.0, 1.0)
@@ -57,10 +61,11 @@ def _paint(canvas: Any, axes: Any, figure: Figure) -> None:
 
 
 def _lines(axis: Any, panel: Panel) -> None:
+    """Draw the curves of a panel; a dashed curve has the colour of the solid curve with its label."""
     colours = {label: f"C{k}" for k, label in enumerate(dict.fromkeys(curve.label for curve in panel.curves))}
     paired = Counter(curve.label for curve in panel.curves)
     for curve in panel.curves:
-        few = len(curve.x) <= 40
+        few = len(curve.x) <= _MOST_MARKED_POINTS
         axis.plot(
             curve.x,
             curve.y,
@@ -85,7 +90,7 @@ def _lines(axis: Any, panel: Panel) -> None:
 
 
 def _above_rounding(axis: Any, panel: Panel) -> None:
-    """Keep values that are nothing but rounding from stretching a logarithmic axis."""
+    """Cut a logarithmic axis off above values that are rounding errors."""
     values = np.concatenate([np.asarray(curve.y, dtype=np.float64) for curve in panel.curves] or [np.zeros(0)])
     highest = float(values.max(initial=0.0))
     if 0.0 <= values.min(initial=highest) < _ROUNDING * highest:

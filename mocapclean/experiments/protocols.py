@@ -1,42 +1,42 @@
-"""The experiments, one literal registry."""
+"""The registry of experiments."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from mocapclean.experiments import compare, hu2017, imamura2018, markers, tan2015, trust, wang2016
-from mocapclean.experiments.jobs import Choice, Job
 from mocapclean.experiments.results import Figure, Results, Table
+from mocapclean.experiments.trials import Request, Trial
 
 
-def _no_notes(choice: Choice) -> list[str]:
+def _no_notes(request: Request) -> list[str]:
     return []
 
 
 @dataclass(frozen=True, kw_only=True)
 class Experiment:
-    """A paper's experiment.
+    """An experiment.
 
-    measures: the columns of its rows. sequences: the paper's takes, sought in a folder when no file is named.
-    needs_captures: whether it cannot do without. quick_frames: how many first frames of each take ``--quick`` keeps,
-    None for all. jobs, tables, figures, notes: what is run, what is made of it, and what is to be said of a choice.
+    reference: of its paper. measures: columns of its results. trials: of a request. tables, figures: of its results.
+    sequences: the paper's takes, looked for in a folder if no file is named. needs_captures: whether it needs takes.
+    quick_frames: first frames of each take that ``--quick`` keeps; None for all. notes: lines printed above the tables.
     """
 
     reference: str
     measures: tuple[str, ...]
-    jobs: Callable[[Choice], Sequence[Job]]
+    trials: Callable[[Request], Sequence[Trial]]
     tables: Callable[[Results], Sequence[Table]]
     figures: Callable[[Results], Sequence[Figure]]
     sequences: tuple[str, ...] = ()
     needs_captures: bool = True
     quick_frames: int | None = None
-    notes: Callable[[Choice], Sequence[str]] = _no_notes
+    notes: Callable[[Request], Sequence[str]] = _no_notes
 
 
 EXPERIMENTS: dict[str, Experiment] = {
     "tan2015": Experiment(
         reference="C.-H. Tan, J. Hou, L.-P. Chau, 2015, doi:10.1007/s00371-014-1031-5",
         measures=tan2015.MEASURES,
-        jobs=tan2015.jobs,
+        trials=tan2015.trials,
         tables=tan2015.tables,
         figures=tan2015.figures,
         sequences=("14_01", "85_02", "143_04", "49_02", "135_02", "135_11", "61_05", "88_04"),
@@ -44,7 +44,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "hu2017": Experiment(
         reference="W. Hu, Z. Wang, S. Liu, X. Yang, G. Yu, J. J. Zhang, 2017, IEEE Signal Process. Lett.",
         measures=hu2017.MEASURES,
-        jobs=hu2017.jobs,
+        trials=hu2017.trials,
         tables=hu2017.tables,
         figures=hu2017.figures,
         quick_frames=hu2017.QUICK_FRAMES,
@@ -54,7 +54,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "imamura2018": Experiment(
         reference="R. Imamura, M. Okuda, 2018",
         measures=imamura2018.MEASURES,
-        jobs=imamura2018.jobs,
+        trials=imamura2018.trials,
         tables=imamura2018.tables,
         figures=imamura2018.figures,
         quick_frames=imamura2018.QUICK_FRAMES,
@@ -63,7 +63,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "wang2016": Experiment(
         reference="Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016",
         measures=wang2016.MEASURES,
-        jobs=wang2016.jobs,
+        trials=wang2016.trials,
         tables=wang2016.tables,
         figures=wang2016.figures,
         quick_frames=wang2016.QUICK_FRAMES,
@@ -72,7 +72,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "markers": Experiment(
         reference="gaps of known size in real labelled markers, mocapclean.simulate.single_gaps",
         measures=markers.MEASURES,
-        jobs=markers.jobs,
+        trials=markers.trials,
         tables=markers.tables,
         figures=markers.figures,
         quick_frames=markers.QUICK_FRAMES,
@@ -81,7 +81,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "compare": Experiment(
         reference="natural-looking gaps, mocapclean.simulate.occlude",
         measures=compare.MEASURES,
-        jobs=compare.jobs,
+        trials=compare.trials,
         tables=compare.tables,
         figures=compare.figures,
         quick_frames=compare.QUICK_FRAMES,
@@ -89,7 +89,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "trust": Experiment(
         reference="faults of known place, kind and size, mocapclean.simulate.inject",
         measures=trust.MEASURES,
-        jobs=trust.jobs,
+        trials=trust.trials,
         tables=trust.tables,
         figures=trust.figures,
         quick_frames=trust.QUICK_FRAMES,

@@ -1,4 +1,4 @@
-"""What came out: rows to choose from and to average, and the tables and figures made of them."""
+"""Results of an experiment: rows to select and average, and the tables and figures made of them."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from mocapclean.arrays import Floats
 
 @dataclass(frozen=True, kw_only=True)
 class Row:
-    """One finished job. series: read its columns, empty where it kept none."""
+    """The result of one finished trial. series: reads its curves; empty if the trial has none."""
 
     take: str
     method: str
@@ -23,18 +23,18 @@ class Row:
 
     @property
     def label(self) -> str:
-        """The method and its variant."""
+        """Return the method and its variant."""
         return f"{self.method} {self.variant}".rstrip()
 
 
 @dataclass(frozen=True)
 class Results:
-    """Rows in the order of their jobs."""
+    """The rows of finished trials, in the order of the trials."""
 
     rows: tuple[Row, ...]
 
     def where(self, *, take: str | None = None, label: str | None = None, **cell: object) -> "Results":
-        """The rows of a take, a label and a cell; what is not named may be anything."""
+        """Return the rows with this take, label and values of the cell; None matches all."""
         wanted = {name: str(value) for name, value in cell.items()}
         return Results(
             tuple(
@@ -47,29 +47,29 @@ class Results:
         )
 
     def mean(self, measure: str) -> float | None:
-        """The mean of a measure, over seeds and whatever else was left open; None without a value."""
+        """Return the mean of a measure over all rows that have it; None if there are none."""
         values = [row.values[measure] for row in self.rows if measure in row.values]
         return float(np.mean(values)) if values else None
 
     @property
     def takes(self) -> list[str]:
-        """The takes in order."""
+        """Return the takes in the order of the rows."""
         return list(dict.fromkeys(row.take for row in self.rows))
 
     @property
     def labels(self) -> list[str]:
-        """The methods and variants in order."""
+        """Return the methods with their variants, in the order of the rows."""
         return list(dict.fromkeys(row.label for row in self.rows))
 
     def cells(self, *names: str) -> list[tuple[str, ...]]:
-        """The distinct values of these parts of a cell, in order, of the rows that have them all."""
-        found = (row.cell for row in self.rows if all(name in row.cell for name in names))
-        return list(dict.fromkeys(tuple(cell[name] for name in names) for cell in found))
+        """Return the distinct values of these parts of the cells, in the order of the rows that have all of them."""
+        cells = (row.cell for row in self.rows if all(name in row.cell for name in names))
+        return list(dict.fromkeys(tuple(cell[name] for name in names) for cell in cells))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """A title, and aligned columns of text."""
+    """A table of text: a title, a header and rows."""
 
     title: str
     header: tuple[str, ...]
@@ -78,7 +78,7 @@ class Table:
 
 @dataclass(frozen=True, kw_only=True)
 class Curve:
-    """A line: its name in the legend, and its points; dashed for what is printed or given."""
+    """A line of a figure: its label in the legend and its points. dashed: the values are printed ones or the truth."""
 
     label: str
     x: Sequence[float] | Floats
@@ -88,9 +88,9 @@ class Curve:
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """Axes with curves, or with a picture (rows, columns) in the colours of its values.
+    """Axes of a figure with curves, or with a picture (rows, columns) whose values are shown as colours.
 
-    extent: left, right, bottom, top of the picture; ticks: names of its rows from the bottom up.
+    extent: left, right, bottom, top of the picture. ticks: names of its rows from the bottom up, or of the x axis.
     """
 
     title: str
@@ -106,7 +106,7 @@ class Panel:
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """Panels side by side; name: that of its file."""
+    """Panels side by side. name: of the file, without its suffix."""
 
     name: str
     title: str
@@ -114,7 +114,7 @@ class Figure:
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A value for a table: this many significant digits at least, no exponent; "-" for none."""
+    """Return a value as text with at least this many significant digits, without an exponent; "-" for None."""
     if value is None or not np.isfinite(value):
         return "-"
     if value == 0:
@@ -124,13 +124,13 @@ def number(value: float | None, digits: int = 3) -> str:
 
 
 def geometric_mean(ratios: Iterable[float]) -> float | None:
-    """The geometric mean of positive ratios; None without any."""
+    """Return the geometric mean of positive ratios; None if there are none."""
     logs = np.log(list(ratios))
     return float(np.exp(logs.mean())) if logs.size else None
 
 
-def beside(ours: Sequence[float | None], printed: Sequence[float | None]) -> tuple[list[str], list[str], str]:
-    """Our values and the printed ones as text, and the geometric mean of ours / printed where both are there."""
+def with_printed(ours: Sequence[float | None], printed: Sequence[float | None]) -> tuple[list[str], list[str], str]:
+    """Return our values and the printed values as text, and the geometric mean of ours / printed over all pairs."""
     both = [(a, b) for a, b in zip(ours, printed, strict=True) if a and b]
     ratio = number(geometric_mean(a / b for a, b in both))
     return [number(a) for a in ours], [number(b) for b in printed], ratio

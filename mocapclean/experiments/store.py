@@ -1,4 +1,4 @@
-"""Rows that survive an interruption: a line of CSV for every finished job, written when it is finished."""
+"""Results on the disk: one line of CSV per finished trial, written at once, so that an interruption loses none."""
 
 import csv
 import hashlib
@@ -11,18 +11,17 @@ import numpy as np
 
 from mocapclean.arrays import Floats
 from mocapclean.errors import UsageError
-from mocapclean.experiments.jobs import Found, Job
 from mocapclean.experiments.results import Results, Row
+from mocapclean.experiments.trials import Trial, TrialResult
 from mocapclean.formats import new_file
 
-KEY = ("take", "source", "method", "variant", "parameters", "cell", "seed")
+KEY_COLUMNS = ("take", "source", "method", "variant", "parameters", "cell", "seed")
 
 
 class Store:
-    """The rows of one experiment in ``folder/name.csv``, and their series (curves over frames) in ``folder/name/``.
+    """The rows of one experiment in ``folder/name.csv``, and their series in ``folder/name/``.
 
-    A job is known by its key: a capture's name and hash, method, variant, changed parameters, cell and seed. Raises
-    UsageError where the file holds other columns, or the folder cannot be made.
+    ``Trial.key`` identifies a row. Raises UsageError if the file has other columns or the folder cannot be made.
     """
 
     def __init__(self, folder: Path, name: str, measures: Sequence[str], overwrite: bool = False) -> None:
@@ -38,62 +37,64 @@ class Store:
             if self.path.exists():
                 self._load()
             else:
-                self.path.write_text(_line([*KEY, *self.measures, "series"]), encoding="utf-8")
-        except OSError as fault:
-            raise UsageError(f"{self.path}: the results cannot be kept: {fault.strerror}.") from None
+                self.path.write_text(_line([*KEY_COLUMNS, *self.measures, "series"]), encoding="utf-8")
+        except OSError as error:
+            raise UsageError(f"{self.path}: the results cannot be written: {error.strerror}.") from None
 
     def _load(self) -> None:
-        """Read the rows; a last line that an interruption has torn is cut off."""
+        """Read the rows; cut off a last line that an interruption has torn."""
         text = self.path.read_text(encoding="utf-8")
-        whole = text[: text.rfind("\n") + 1]
-        if whole != text:
-            self.path.write_text(whole, encoding="utf-8")
-        reader = csv.DictReader(io.StringIO(whole))
-        if tuple(reader.fieldnames or ()) != (*KEY, *self.measures, "series"):
+        complete = text[: text.rfind("\n") + 1]
+        if complete != text:
+            self.path.write_text(complete, encoding="utf-8")
+        reader = csv.DictReader(io.StringIO(complete))
+        if tuple(reader.fieldnames or ()) != (*KEY_COLUMNS, *self.measures, "series"):
             raise UsageError(f"{self.path}: the results are of another version. Use --overwrite to start anew.")
         for row in reader:
-            self.rows[tuple(row[name] for name in KEY)] = row
+            self.rows[tuple(row[name] for name in KEY_COLUMNS)] = row
 
-    def __contains__(self, job: Job) -> bool:
-        return job.key in self.rows
+    def __contains__(self, trial: Trial) -> bool:
+        return trial.key in self.rows
 
-    def add(self, job: Job, found: Found) -> None:
-        """Write what a job found, its series first."""
-        measures, series = found
+    def add(self, trial: Trial, result: TrialResult) -> None:
+        """Write the result of a trial, its series first."""
+        measures, series = result
         name = ""
         if series:
-            name = hashlib.sha256("\n".join(job.key).encode()).hexdigest()[:16] + ".csv"
+            name = hashlib.sha256("\n".join(trial.key).encode()).hexdigest()[:16] + ".csv"
             with new_file(self.curves / name) as part:
                 _write_series(part, dict(series))
         values = {key: format(value, ".9g") for key, value in measures.items()}
-        row = dict(zip(KEY, job.key, strict=True)) | {key: values.get(key, "") for key in self.measures}
+        row = dict(zip(KEY_COLUMNS, trial.key, strict=True)) | {key: values.get(key, "") for key in self.measures}
         row["series"] = name
         try:
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(_line(list(row.values())))
-        except OSError as fault:
-            raise UsageError(f"{self.path}: the results cannot be kept: {fault.strerror}.") from None
-        self.rows[job.key] = row
+        except OSError as error:
+            raise UsageError(f"{self.path}: the results cannot be written: {error.strerror}.") from None
+        self.rows[trial.key] = row
 
-    def results(self, jobs: Sequence[Job]) -> Results:
-        """The rows of those jobs that are finished."""
-        return Results(tuple(self._row(job) for job in jobs if job in self))
+    def results(self, trials: Sequence[Trial]) -> Results:
+        """Return the rows of the finished ones among some trials."""
+        return Results(tuple(self._row(trial) for trial in trials if trial in self))
 
-    def _row(self, job: Job) -> Row:
-        row = self.rows[job.key]
+    def _row(self, trial: Trial) -> Row:
+        """Return the row of a finished trial."""
+        row = self.rows[trial.key]
         return Row(
-            take=job.take,
-            method=job.entry.method,
-            variant=job.entry.variant,
-            parameters=job.entry.parameters,
-            cell=job.cell,
-            seed=job.seed,
+            take=trial.take,
+            method=trial.entry.method,
+            variant=trial.entry.variant,
+            parameters=trial.entry.parameters,
+            cell=trial.cell,
+            seed=trial.seed,
             values={name: float(row[name]) for name in self.measures if row[name]},
             series=partial(_read_series, self.curves / row["series"] if row["series"] else None),
         )
 
 
 def _line(values: Sequence[str]) -> str:
+    """Return a line of CSV."""
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(values)
     return text.getvalue()

@@ -1,10 +1,10 @@
-"""Trust rules against faults that are known because they were put in (``simulate.inject``), and on takes as they are.
+"""Trust rules on takes with simulated faults of known time, kind and size, and on takes as they are.
 
-A row is one take with one set of rules. ``all`` is what ``detect`` runs by default; ``tdd`` and the other rules run by
-themselves; ``hampel`` is the Hampel filter of the textbooks; ``truth`` knows the faults. An event is found when at
-least half of its samples are distrusted; samples within 2 frames of a fault count as neither right nor wrong. The fill
-is measured with the first seed only, for it takes longest. Rules by themselves share the evidence of a take: its time
-is in the seconds of the first of them.
+This experiment is from no paper; ``simulate.inject`` makes the faults. A row is one take with one set of rules. ``all``
+is the default of ``detect``; ``tdd`` and the other rules run alone; ``hampel`` is the Hampel filter; ``truth`` is the
+faults themselves. An event is found if at least half of its samples are distrusted. Samples within 2 frames of a fault
+count as neither right nor wrong. The error after a fill is measured with the first seed only, because the fill takes
+longest. Rules that run alone share the evidence of a take, whose time is in the seconds of the first of them.
 """
 
 from dataclasses import replace
@@ -19,13 +19,15 @@ from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.detection import RULES, detect
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rules import swap
-from mocapclean.experiments.jobs import Capture, Choice, Entry, Found, Job, rms, solve
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
+from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, rms, solve
 from mocapclean.numerics.robust import nan_median
 from mocapclean.simulate import FAULTS, Injected, inject
 from mocapclean.take import Take
 
 SIZES = (1, 2, 4)
+"""Sizes of faults, in multiples of the sizes in ``simulate.faults``."""
+
 ALONE = tuple(name for name, module in RULES.items() if name not in ("missing", "units") and module.Params().enabled)
 EVERYWHERE = ("all", "tdd", "hampel", "truth")
 SETS = (*EVERYWHERE, *(name for name in ALONE if name not in EVERYWHERE))
@@ -41,16 +43,20 @@ MEASURES = (
     "seconds",
 )
 QUICK_FRAMES = 600
-_MARGIN = 2
-_HALF_WINDOW, _SIGMAS = 5, 3.0
+"""First frames of a take that --quick keeps; chosen by hand."""
+
+_MARGIN = 2  # frames on both sides of a fault that count as neither right nor wrong; chosen by hand
+_HALF_WINDOW = 5  # frames on both sides in the window of the Hampel filter; chosen by hand
+_SIGMAS = 3.0  # robust SDs from the median; the 3-sigma rule of Pearson (2002)
+_SD_PER_MAD = 1.4826  # SD of a normal distribution over its median absolute deviation
 
 
-def jobs(choice: Choice) -> list[Job]:
-    """Every set of rules on every take: as it is, and with faults of every size; single rules with the smallest."""
-    entries = choice.entries([Entry(method=DEFAULT_METHOD)])
-    sizes = (0, SIZES[0]) if choice.quick else (0, *SIZES)
+def trials(request: Request) -> list[Trial]:
+    """Return trials of all sets of rules, on takes as they are and with faults; single rules at the smallest size."""
+    entries = request.entries([Entry(method=DEFAULT_METHOD)])
+    sizes = (0, SIZES[0]) if request.quick else (0, *SIZES)
     return [
-        Job(
+        Trial(
             take=capture.name,
             source=capture.digest,
             entry=replace(entry, variant=rules),
@@ -58,26 +64,26 @@ def jobs(choice: Choice) -> list[Job]:
             seed=seed,
             run=partial(run, capture, entry, rules, size, seed),
         )
-        for capture in choice.shortened(QUICK_FRAMES).captures
+        for capture in request.shortened(QUICK_FRAMES).captures
         for size in sizes
-        for seed in range(choice.n_seeds if size else 1)
-        for rules in (SETS if size <= SIZES[0] and not choice.quick else EVERYWHERE)
+        for seed in range(request.n_seeds if size else 1)
+        for rules in (SETS if size <= SIZES[0] and not request.quick else EVERYWHERE)
         for entry in entries
         if size or rules != "truth"
     ]
 
 
-def run(capture: Capture, entry: Entry, rules: str, size: int, seed: int) -> Found:
-    """What a set of rules finds of the faults, what it distrusts besides, and the error that is left after the fill."""
-    clean, (scene, evidence) = capture.take, _scene(capture, size, seed)
+def run(capture: Capture, entry: Entry, rules: str, size: int, seed: int) -> TrialResult:
+    """Return the events that a set of rules finds, its distrusted samples, and the error after the fill."""
+    clean, (injected, evidence) = capture.take, _injected(capture, size, seed)
     begin = perf_counter()
-    distrusted = _distrusted(scene, evidence, rules)
+    distrusted = _distrusted(injected, evidence, rules)
     seconds = perf_counter() - begin
-    near = _widened(scene.faulty)
+    near = _widened(injected.faulty)
     measures: dict[str, float | int] = {
         "samples": int(clean.trusted.sum()),
-        "faulty": int(scene.faulty.sum()),
-        "right": int((distrusted & scene.faulty).sum()),
+        "faulty": int(injected.faulty.sum()),
+        "right": int((distrusted & injected.faulty).sum()),
         "wrong": int((distrusted & ~near).sum()),
         "seconds": seconds,
     }
@@ -85,37 +91,37 @@ def run(capture: Capture, entry: Entry, rules: str, size: int, seed: int) -> Fou
         return measures, {}
     measures["wrong_anew"] = int((distrusted & ~near & ~_natural(capture, rules)).sum())
     for kind in FAULTS:
-        events = [event for event in scene.events if event.kind == kind]
-        shares = [float(distrusted[scene.samples(event)].mean()) for event in events]
+        events = [event for event in injected.events if event.kind == kind]
+        shares = [float(distrusted[injected.samples(event)].mean()) for event in events]
         measures |= {f"{kind} events": len(events), f"{kind} found": sum(share >= 0.5 for share in shares)}
     if rules == "all":
-        measures["swaps_exact"] = _exact(clean, scene)
+        measures["swaps_exact"] = _exact(clean, injected)
     if seed == 0:
-        measures["rmse"] = _error(clean, scene, distrusted, entry)
+        measures["rmse"] = _error(clean, injected, distrusted, entry)
     return measures, {}
 
 
 @lru_cache(maxsize=2)
-def _scene(capture: Capture, size: int, seed: int) -> tuple[Injected, Evidence]:
-    """A take with its faults, none for size 0, and the evidence for rules by themselves."""
+def _injected(capture: Capture, size: int, seed: int) -> tuple[Injected, Evidence]:
+    """Return a take with faults (none for size 0), and the evidence for rules that run alone."""
     if size == 0:
-        scene = Injected(take=capture.take, faulty=np.zeros_like(capture.take.trusted), events=())
+        injected = Injected(take=capture.take, faulty=np.zeros_like(capture.take.trusted), events=())
     else:
-        scene = inject(capture.take, np.random.default_rng([seed, size]), size=size)
-    return scene, Evidence(scene.take)
+        injected = inject(capture.take, np.random.default_rng([seed, size]), size=size)
+    return injected, Evidence(injected.take)
 
 
 @lru_cache(maxsize=len(SETS))
 def _natural(capture: Capture, label: str) -> Bools:
-    """The samples (F, M) that a set of rules distrusts in the take as it is."""
-    return _distrusted(*_scene(capture, 0, 0), label)
+    """Return the samples (F, M) that a set of rules distrusts in the take as it is."""
+    return _distrusted(*_injected(capture, 0, 0), label)
 
 
-def _distrusted(scene: Injected, evidence: Evidence, label: str) -> Bools:
-    """The samples (F, M) that a set of rules distrusts."""
-    take = scene.take
+def _distrusted(injected: Injected, evidence: Evidence, label: str) -> Bools:
+    """Return the samples (F, M) that a set of rules distrusts."""
+    take = injected.take
     if label == "truth":
-        return scene.faulty
+        return injected.faulty
     if label == "hampel":
         return hampel(take.positions, take.trusted)
     if label == "all":
@@ -125,19 +131,20 @@ def _distrusted(scene: Injected, evidence: Evidence, label: str) -> Bools:
 
 
 def hampel(positions: Floats, trusted: Bools) -> Bools:
-    """The samples (F, M) with a coordinate more than 3 robust SDs from the median of the 11 frames around it.
+    """Return the samples (F, M) with a coordinate more than 3 robust SDs from the median of its 11 frames.
 
-    R. K. Pearson, 2002, doi:10.1109/87.974338, as it stands, for each coordinate.
+    The Hampel filter of R. K. Pearson, 2002, doi:10.1109/87.974338, for each coordinate.
     """
     known = np.where(trusted[..., None], positions, np.nan)
     padded = np.pad(known, ((_HALF_WINDOW, _HALF_WINDOW), (0, 0), (0, 0)), constant_values=np.nan)
     windows = sliding_window_view(padded, 2 * _HALF_WINDOW + 1, axis=0)
     middle = nan_median(windows, axis=-1)
-    spread = 1.4826 * nan_median(np.abs(windows - middle[..., None]), axis=-1)
+    spread = _SD_PER_MAD * nan_median(np.abs(windows - middle[..., None]), axis=-1)
     return np.asarray(trusted & (np.abs(known - middle) > _SIGMAS * spread).any(axis=2))
 
 
 def _widened(mask: Bools) -> Bools:
+    """Return a mask (F, M) extended by ``_MARGIN`` frames to both sides."""
     wide = mask.copy()
     for shift in range(1, _MARGIN + 1):
         wide[shift:] |= mask[:-shift]
@@ -145,31 +152,33 @@ def _widened(mask: Bools) -> Bools:
     return wide
 
 
-def _exact(clean: Take, scene: Injected) -> int:
-    """The swaps of which every sample is again, to the last bit, what it was."""
-    fixed = swap.put_back(Evidence(scene.take), swap.Params())
+def _exact(clean: Take, injected: Injected) -> int:
+    """Return the number of swaps whose repair restores every sample bit for bit."""
+    fixed = swap.put_back(Evidence(injected.take), swap.Params())
     same = (fixed.positions == clean.positions).all(axis=2) & fixed.trusted
-    return sum(bool(same[scene.samples(event)].all()) for event in scene.events if event.kind == "swap")
+    return sum(bool(same[injected.samples(event)].all()) for event in injected.events if event.kind == "swap")
 
 
-def _error(clean: Take, scene: Injected, distrusted: Bools, entry: Entry) -> float:
-    """The RMSE per coordinate, mm, of the faulty samples after what is distrusted has been filled."""
-    solution, _ = solve(scene.take, distrusted, entry)
+def _error(clean: Take, injected: Injected, distrusted: Bools, entry: Entry) -> float:
+    """Return the RMSE per coordinate, mm, of the faulty samples after the distrusted samples have been filled."""
+    solution, _ = solve(injected.take, distrusted, entry)
     filled = distrusted & solution.filled
-    positions = np.where(filled[..., None], solution.positions, scene.take.positions)
-    return rms((positions - clean.positions)[scene.faulty])
+    positions = np.where(filled[..., None], solution.positions, injected.take.positions)
+    return rms((positions - clean.positions)[injected.faulty])
 
 
 def _total(results: Results, measure: str) -> float:
+    """Return the sum of a measure over all rows."""
     return sum(row.values.get(measure, 0.0) for row in results.rows)
 
 
 def _share(part: float, whole: float) -> str:
+    """Return a share as text in percent; "-" of nothing."""
     return f"{100 * part / whole:.1f}" if whole else "-"
 
 
 def tables(results: Results) -> list[Table]:
-    """Events found, samples right and wrong, errors, by set of rules and size; what is distrusted in takes as is."""
+    """Return the table of events, precision and errors by set of rules and size, and that of takes as they are."""
     header = (
         "rules",
         "size",
@@ -183,22 +192,22 @@ def tables(results: Results) -> list[Table]:
     rows = []
     for label in results.labels:
         for (size,) in results.cells("size"):
-            mine = results.where(label=label, size=size)
-            if size == "0" or not mine.rows:
+            subset = results.where(label=label, size=size)
+            if size == "0" or not subset.rows:
                 continue
-            right = _total(mine, "right")
-            truth = results.where(label=f"{mine.rows[0].method} truth", size=size)
-            swaps = _total(mine, "swap events") if any("swaps_exact" in row.values for row in mine.rows) else 0
+            right = _total(subset, "right")
+            truth = results.where(label=f"{subset.rows[0].method} truth", size=size)
+            swaps = _total(subset, "swap events") if any("swaps_exact" in row.values for row in subset.rows) else 0
             rows.append(
                 (
                     label,
                     size,
-                    *(_share(_total(mine, f"{kind} found"), _total(mine, f"{kind} events")) for kind in FAULTS),
-                    _share(right, right + _total(mine, "wrong")),
-                    _share(right, right + _total(mine, "wrong_anew")),
-                    _share(_total(mine, "swaps_exact"), swaps),
-                    number(_pooled(mine)),
-                    number(_ratio(mine, truth)),
+                    *(_share(_total(subset, f"{kind} found"), _total(subset, f"{kind} events")) for kind in FAULTS),
+                    _share(right, right + _total(subset, "wrong")),
+                    _share(right, right + _total(subset, "wrong_anew")),
+                    _share(_total(subset, "swaps_exact"), swaps),
+                    number(_pooled(subset)),
+                    number(_ratio(subset, truth)),
                 )
             )
     return [
@@ -212,40 +221,42 @@ def tables(results: Results) -> list[Table]:
 
 
 def _untouched(results: Results) -> Table:
-    """Distrusted samples for each 100,000 of each take as it is."""
+    """Return the table of distrusted samples per 100,000 in takes as they are."""
     labels = [label for label in results.labels if results.where(label=label, size=0).rows]
     rows = [
         (take, *(number(_rate(results.where(take=take, label=label, size=0))) for label in labels))
         for take in results.takes
     ]
-    known = [[_rate(results.where(take=take, label=label, size=0)) for take in results.takes] for label in labels]
-    medians = [number(float(np.median([v for v in values if v is not None]))) if values else "-" for values in known]
+    rates = [[_rate(results.where(take=take, label=label, size=0)) for take in results.takes] for label in labels]
+    medians = [number(float(np.median([v for v in values if v is not None]))) if values else "-" for values in rates]
     return Table(
-        title="Distrusted samples for each 100,000 of the takes as they are",
+        title="Distrusted samples per 100,000 in takes as they are",
         header=("take", *labels),
         rows=(*rows, ("median", *medians)),
     )
 
 
 def _rate(results: Results) -> float | None:
+    """Return the wrongly distrusted samples per 100,000; None without samples."""
     samples = _total(results, "samples")
     return 1e5 * _total(results, "wrong") / samples if samples else None
 
 
 def _pooled(results: Results) -> float | None:
-    """The RMSE over the faulty samples of all rows."""
+    """Return the RMSE over the faulty samples of all rows; None if none was measured."""
     known = [(row.values["rmse"], row.values["faulty"]) for row in results.rows if "rmse" in row.values]
     count = sum(n for _, n in known)
     return float(np.sqrt(sum(n * rmse**2 for rmse, n in known) / count)) if count else None
 
 
-def _ratio(mine: Results, truth: Results) -> float | None:
-    ours, best = _pooled(mine), _pooled(truth)
+def _ratio(subset: Results, truth: Results) -> float | None:
+    """Return the ratio of the pooled RMSE to that of a fill that is given the faults."""
+    ours, best = _pooled(subset), _pooled(truth)
     return ours / best if ours is not None and best else None
 
 
 def figures(results: Results) -> list[Figure]:
-    """The share of events found over their size, one panel for each kind."""
+    """Return the figure of the share of events found over their size, with a panel for each kind."""
     panels = []
     for kind in FAULTS:
         curves = []
@@ -253,11 +264,11 @@ def figures(results: Results) -> list[Figure]:
             if label.split()[-1] not in ("all", "tdd", "hampel"):
                 continue
             points = [
-                (float(size), _total(mine, f"{kind} found") / max(_total(mine, f"{kind} events"), 1.0))
+                (float(size), _total(subset, f"{kind} found") / max(_total(subset, f"{kind} events"), 1.0))
                 for (size,) in results.cells("size")
                 if size != "0"
-                for mine in [results.where(label=label, size=size)]
-                if mine.rows
+                for subset in [results.where(label=label, size=size)]
+                if subset.rows
             ]
             curves.append(Curve(label=label, x=[x for x, _ in points], y=[y for _, y in points]))
         panels.append(Panel(title=kind, x_label="size", y_label="share found", curves=tuple(curves), log_x=True))

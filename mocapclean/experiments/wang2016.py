@@ -1,16 +1,17 @@
-"""Ten to thirty percent of the markers out: llc with a trained dictionary, srmmp, dynammo and svt.
+"""The experiments of Wang et al. 2016: 10 to 30 % of the markers hidden; llc, srmmp, dynammo and svt.
 
-Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016: random loss and blocks of
-60 frames; per-frame RMSE (8) in cm, the root of the mean squared distance over the missing markers of a frame, √3 times
-the RMSE of a coordinate.
+Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016. As tables of numbers it reproduces the paper's plots of
+the per-frame RMSE, eq. (8), in cm, for random loss and for blocks of 60 frames. The per-frame RMSE is the root of the
+mean squared distance over the missing markers of a frame, √3 times the RMSE per coordinate.
 
-Training: the other takes of the same subject (the file name up to the first ``_``) among the captures and the folder,
-without those that are tested too where that leaves one; where there are none, all takes of other subjects. The take
-under test is never among them.
+Training takes: the other takes of the same subject (the file name up to the first ``_``) among the captures and the
+folder. Takes under test are left out if that leaves at least one. A subject without other takes is trained on all takes
+of other subjects. A method never learns from the take under test.
 
-The competitors are tuned as in the paper, by cross-validation on training takes: of three values of its main parameter
-a method gets the one with the least error on the first 600 frames of up to two of them, a fifth of the markers out in
-blocks of 60 frames; srmmp then learns from the others, and has its default where there is no other.
+Tuning: as in the paper, competitors are tuned by cross-validation on training takes. Three values of the main parameter
+are tried on the first 600 frames of up to two training takes. A fifth of the markers is hidden in blocks of 60 frames.
+The value with the least error is used. srmmp learns from the remaining training takes, and keeps its default if there
+are none.
 """
 
 import hashlib
@@ -25,14 +26,20 @@ from mocapclean.dictionaries.body_parts import known_parts
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.dictionaries.training import Params, train
 from mocapclean.errors import UsageError
-from mocapclean.experiments.jobs import LEARNERS, Capture, Choice, Entry, Found, Job, Loss, grid, solve
 from mocapclean.experiments.losses import curves
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
+from mocapclean.experiments.trials import LEARNERS, Capture, Entry, Loss, Request, Trial, TrialResult, grid, solve
 
 MEASURES = ("rmse_cm", "seconds", "iterations", "converged", "left", "share", "tuned")
 RATIOS = (0.1, 0.2, 0.3)
+"""Shares of the markers that are hidden; from the paper."""
+
 LENGTH = 60
+"""Frames of a block; from the paper."""
+
 QUICK_FRAMES = 240
+"""First frames of a take that --quick keeps; chosen by hand."""
+
 QUICK_TRAINING = Params(atoms=128, windows=1024, sweeps=2, hole_passes=1)
 ENTRIES = (Entry(method="dynammo"), Entry(method="srmmp"), Entry(method="svt"), Entry(method="llc"))
 TUNED: dict[str, tuple[str, tuple[float, ...]]] = {
@@ -40,43 +47,53 @@ TUNED: dict[str, tuple[str, tuple[float, ...]]] = {
     "srmmp": ("sparsity_weight", (1e-4, 1e-3, 1e-2)),
     "svt": ("threshold", (150.0, 450.0, 1350.0)),
 }
-"""The parameter of a competitor that is tuned, and the values that it is tried with."""
-N_FOLDS, FOLD_FRAMES, FOLD_SHARE = 2, 600, 0.2
+"""The tuned parameter of each competitor and its candidate values around the default; chosen by hand."""
+
+N_FOLDS = 2
+"""Most training takes in the cross-validation; chosen by hand."""
+
+FOLD_FRAMES = 600
+"""First frames of these takes; chosen by hand."""
+
+FOLD_SHARE = 0.2
+"""Share of their markers that is hidden, the middle of ``RATIOS``."""
 
 
-def jobs(choice: Choice) -> list[Job]:
-    """Every method with both losses; a method that learns is trained for each take when it is first needed."""
-    entries = choice.entries(ENTRIES, trained=True)
-    params = QUICK_TRAINING if choice.quick else Params()
-    found = []
-    for capture in choice.captures:
+def trials(request: Request) -> list[Trial]:
+    """Return a trial for every method and loss; methods are trained for each take on first use."""
+    entries = request.entries(ENTRIES, trained=True)
+    params = QUICK_TRAINING if request.quick else Params()
+    made = []
+    for capture in request.captures:
         n_markers = len(capture.take.markers)
-        ratios = RATIOS[::2] if choice.quick else RATIOS
+        ratios = RATIOS[::2] if request.quick else RATIOS
         blocks = [Loss(length=LENGTH, out=max(1, round(ratio * n_markers))) for ratio in ratios]
-        chosen = [*(Loss(ratio=ratio) for ratio in ratios), *blocks]
-        split = split_of(capture, choice) if any(map(_learns, entries)) else []
-        lesson = Lesson(split, params, QUICK_FRAMES if choice.quick else FOLD_FRAMES)
-        found += _jobs(replace(choice, captures=(capture,)), entries, chosen, lesson)
-    return found
+        patterns = [*(Loss(ratio=ratio) for ratio in ratios), *blocks]
+        takes = training_captures(capture, request) if any(map(_needs_training, entries)) else []
+        training = Training(takes, params, QUICK_FRAMES if request.quick else FOLD_FRAMES)
+        made += _trials(replace(request, captures=(capture,)), entries, patterns, training)
+    return made
 
 
 def _tunable(entry: Entry) -> bool:
+    """Whether the main parameter of an entry is tuned: the user has not set it."""
     return entry.method in TUNED and entry.learned is None and TUNED[entry.method][0] not in entry.changes
 
 
-def _learns(entry: Entry) -> bool:
+def _needs_training(entry: Entry) -> bool:
+    """Whether an entry needs training takes."""
     return _tunable(entry) or (entry.method in LEARNERS and entry.learned is None)
 
 
-class Lesson:
-    """What is learnt from the training takes of one capture, when it is first needed."""
+class Training:
+    """The dictionary and the tuned parameters from the training takes of one capture, computed on first use."""
 
-    def __init__(self, split: list[Capture], params: Params, n_frames: int) -> None:
-        self.split, self.params, self.n_frames = split, params, n_frames
+    def __init__(self, takes: list[Capture], params: Params, n_frames: int) -> None:
+        self.takes, self.params, self.n_frames = takes, params, n_frames
         self.dictionary, self.tuned = cache(self._train), cache(self._tune)
 
     def prepared(self, entry: Entry) -> Entry:
-        """The entry as it is run: tuned, and with the dictionary that it needs."""
+        """Return the entry with its tuned parameter and its dictionary."""
         if _tunable(entry):
             entry = replace(entry, changes={**entry.changes, **self.tuned(entry.method)})
         if entry.method in LEARNERS and entry.learned is None:
@@ -84,103 +101,114 @@ class Lesson:
         return entry
 
     def _train(self) -> Dictionary:
-        return _learnt(self.split, self.params)
+        """Return the dictionary of all training takes."""
+        return _trained(self.takes, self.params)
 
     def _tune(self, method: str) -> dict[str, float]:
-        """The tuned parameter; none where there are too few takes."""
+        """Return the tuned parameter of a method by name; empty if there are too few training takes."""
         name, values = TUNED[method]
-        folds = self.split[:N_FOLDS]
-        if method in LEARNERS and len(self.split) == 1:
+        folds = self.takes[:N_FOLDS]
+        if method in LEARNERS and len(self.takes) == 1:
             return {}
         errors = [
-            sum(self._miss(Entry(method=method, changes={name: value}), fold) for fold in folds) for value in values
+            sum(self._fold_error(Entry(method=method, changes={name: value}), fold) for fold in folds)
+            for value in values
         ]
         return {name: values[int(np.argmin(errors))]}
 
-    def _miss(self, entry: Entry, fold: Capture) -> float:
-        """The error on a training take of an entry that has not learnt from it."""
+    def _fold_error(self, entry: Entry, fold: Capture) -> float:
+        """Return the error of an entry on a training take, with a dictionary learned from the other training takes."""
         short = replace(fold, n_frames=self.n_frames)
         loss = Loss(length=LENGTH, out=max(1, round(FOLD_SHARE * len(fold.take.markers))))
-        others = [capture for capture in self.split if capture is not fold]
-        learned = _learnt(others, QUICK_TRAINING) if entry.method in LEARNERS else None
+        others = [capture for capture in self.takes if capture is not fold]
+        learned = _trained(others, QUICK_TRAINING) if entry.method in LEARNERS else None
         return float(run(short, replace(entry, learned=learned), loss, 0)[0]["rmse_cm"])
 
 
-def _learnt(captures: list[Capture], params: Params) -> Dictionary:
+def _trained(captures: list[Capture], params: Params) -> Dictionary:
+    """Return the dictionary learned from some captures."""
     takes = [capture.take for capture in captures]
     return train(takes, known_parts(takes[0].markers), params)
 
 
-def _jobs(choice: Choice, entries: list[Entry], losses: list[Loss], lesson: Lesson) -> list[Job]:
-    """The jobs of one capture; what a method has learnt from is part of its key."""
+def _trials(request: Request, entries: list[Entry], losses: list[Loss], training: Training) -> list[Trial]:
+    """Return the trials of one capture; a hash of the training takes is part of their keys."""
 
-    def run_prepared(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
-        ready = lesson.prepared(entry)
+    def run_prepared(capture: Capture, entry: Entry, loss: Loss, seed: int) -> TrialResult:
+        ready = training.prepared(entry)
         measures, series = run(capture, ready, loss, seed)
-        found = ready.changes.get(TUNED[entry.method][0], 0.0) if _tunable(entry) else 0.0
-        return {**measures, "tuned": float(found)}, series
+        tuned = ready.changes.get(TUNED[entry.method][0], 0.0) if _tunable(entry) else 0.0
+        return {**measures, "tuned": float(tuned)}, series
 
-    learnt = hashlib.sha256(repr([lesson.params, *(c.digest for c in lesson.split)]).encode()).hexdigest()[:8]
-    made = grid(choice.shortened(QUICK_FRAMES), entries, losses, run_prepared)
-    return [replace(j, source=f"{j.source}<{learnt}") if _learns(j.entry) else j for j in made]
+    training_hash = hashlib.sha256(repr([training.params, *(c.digest for c in training.takes)]).encode()).hexdigest()[
+        :8
+    ]
+    made = grid(request.shortened(QUICK_FRAMES), entries, losses, run_prepared)
+    return [replace(j, source=f"{j.source}<{training_hash}") if _needs_training(j.entry) else j for j in made]
 
 
-def split_of(capture: Capture, choice: Choice) -> list[Capture]:
-    """The captures to learn from; UsageError where there is none but the take itself."""
-    known = {other.digest: other for other in (*choice.folder, *choice.captures)}
+def training_captures(capture: Capture, request: Request) -> list[Capture]:
+    """Return the training takes of a capture, sorted by name; raise UsageError if there is no other take."""
+    known = {other.digest: other for other in (*request.folder, *request.captures)}
     others = [other for digest, other in known.items() if digest != capture.digest and other.name != capture.name]
     same = [other for other in others if _subject(other) == _subject(capture)]
-    tested = {other.name for other in choice.captures}
+    tested = {other.name for other in request.captures}
     same = [other for other in same if other.name not in tested] or same
     if not others:
-        raise UsageError(f"{capture.path}: other takes must be there to learn from. Name more, or give a --folder.")
+        raise UsageError(
+            f"{capture.path}: at least one other take is needed for training. Name more takes, or give a --folder."
+        )
     return sorted(same or others, key=lambda other: other.name)
 
 
 def _subject(capture: Capture) -> str:
+    """Return the subject of a CMU take: its name up to the first underscore."""
     return capture.name.split("_")[0]
 
 
-def notes(choice: Choice) -> list[str]:
-    """The training split."""
-    if not any(map(_learns, choice.entries(ENTRIES, trained=True))):
+def notes(request: Request) -> list[str]:
+    """Return a line for each capture with its training takes."""
+    if not any(map(_needs_training, request.entries(ENTRIES, trained=True))):
         return []
-    return [f"{c.name} is tested, learnt from: {_names(split_of(c, choice))}." for c in choice.captures]
+    return [f"{c.name} is tested; trained on: {_names(training_captures(c, request))}." for c in request.captures]
 
 
 def _names(captures: Iterable[Capture]) -> str:
     return ", ".join(capture.name for capture in captures)
 
 
-def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> Found:
-    """The mean over frames of the per-frame RMSE (8) in cm, and its series for the longest blocks."""
+def run(capture: Capture, entry: Entry, loss: Loss, seed: int) -> TrialResult:
+    """Return the mean of the per-frame RMSE (8) in cm, and its series for the largest block loss."""
     truth = capture.take
-    missing = loss.missing(truth, seed)
-    solution, seconds = solve(truth, missing, entry)
-    filled = missing & solution.filled
+    hidden = loss.hidden(truth, seed)
+    solution, seconds = solve(truth, hidden, entry)
+    filled = hidden & solution.filled
     per_frame = frame_rmse(truth.positions, solution.positions, filled)
-    hit = filled.any(axis=1)
+    has_filled = filled.any(axis=1)
     measures = {
-        "rmse_cm": float(per_frame[hit].mean()) if hit.any() else 0.0,
+        "rmse_cm": float(per_frame[has_filled].mean()) if has_filled.any() else 0.0,
         "seconds": seconds,
         "iterations": solution.iterations,
         "converged": int(solution.converged),
-        "left": int((missing & ~filled).sum()),
-        "share": float(missing.mean()),
+        "left": int((hidden & ~filled).sum()),
+        "share": float(hidden.mean()),
         "tuned": 0.0,
     }
-    kept = not seed and loss.out == max(1, round(RATIOS[-1] * len(truth.markers)))
-    return measures, {"seconds": np.arange(len(per_frame)) / truth.rate, "rmse_cm": per_frame} if kept else {}
+    has_series = not seed and loss.out == max(1, round(RATIOS[-1] * len(truth.markers)))
+    return measures, {"seconds": np.arange(len(per_frame)) / truth.rate, "rmse_cm": per_frame} if has_series else {}
 
 
 def frame_rmse(truth: Floats, positions: Floats, where: Bools) -> Floats:
-    """(8): for each frame the root of the mean squared distance over the markers ``where`` (F, M), cm; 0 without."""
+    """Return the per-frame RMSE (F,), eq. (8), in cm.
+
+    It is the root of the mean squared distance over the samples ``where`` (F, M) of a frame; 0 in frames without any.
+    """
     squared = np.where(where, ((positions - truth) ** 2).sum(axis=2), 0.0).sum(axis=1)
     return np.asarray(np.sqrt(squared / np.maximum(where.sum(axis=1), 1)) / 10.0)
 
 
 def tables(results: Results) -> list[Table]:
-    """Errors and seconds for each take."""
+    """Return tables of errors, seconds and tuned parameters for each take."""
     return [
         _table(results, "rmse_cm", "Per-frame RMSE (8), cm, mean over frames"),
         _table(results, "seconds", "Seconds"),
@@ -189,7 +217,7 @@ def tables(results: Results) -> list[Table]:
 
 
 def _tuned(results: Results) -> Table:
-    """What the competitors were tuned to."""
+    """Return the table of tuned parameters."""
     rows = []
     for take in results.takes:
         for method in TUNED:
@@ -200,35 +228,39 @@ def _tuned(results: Results) -> Table:
 
 
 def _table(results: Results, measure: str, title: str) -> Table:
+    """Return a table of a measure over the losses."""
     ratios, outs = results.cells("ratio"), results.cells("out")
     rows = []
     for take in results.takes:
         for label in results.where(take=take).labels:
-            mine = results.where(take=take, label=label)
-            cells = [*(mine.where(ratio=r) for (r,) in ratios), *(mine.where(out=out) for (out,) in outs)]
+            subset = results.where(take=take, label=label)
+            cells = [*(subset.where(ratio=r) for (r,) in ratios), *(subset.where(out=out) for (out,) in outs)]
             rows.append((take, label, *(number(cell.mean(measure)) for cell in cells)))
     heads = [*(f"random {100 * float(r):.0f} %" for (r,) in ratios), *(f"{out} out, {LENGTH} fr" for (out,) in outs)]
     return Table(title=title, header=("take", "method", *heads), rows=tuple(rows))
 
 
 def figures(results: Results) -> list[Figure]:
-    """For each take the error over the loss, and frame by frame with the most markers out in blocks."""
-    found = []
+    """Return a figure for each take: the error over the loss, and per frame for the largest block loss."""
+    made = []
     for take in results.takes:
-        mine = results.where(take=take)
-        shown = [(row.label, row.series()) for row in mine.rows if "out" in row.cell]
+        subset = results.where(take=take)
+        shown = [(row.label, row.series()) for row in subset.rows if "out" in row.cell]
         over_time = tuple(Curve(label=name, x=s["seconds"], y=s["rmse_cm"]) for name, s in shown if s)
         panels = (
             Panel(
-                title="random loss", x_label="share out", y_label="RMSE, cm", curves=curves(mine, "ratio", "rmse_cm")
+                title="random loss",
+                x_label="share hidden",
+                y_label="RMSE, cm",
+                curves=curves(subset, "ratio", "rmse_cm"),
             ),
             Panel(
                 title=f"blocks of {LENGTH} frames",
-                x_label="markers out",
+                x_label="markers hidden",
                 y_label="RMSE, cm",
-                curves=curves(mine, "out", "rmse_cm"),
+                curves=curves(subset, "out", "rmse_cm"),
             ),
             Panel(title="frame by frame, blocks", x_label="s", y_label="RMSE of a frame, cm", curves=over_time),
         )
-        found.append(Figure(name=f"wang2016_{take}", title=f"{take}: error of the missing markers", panels=panels))
-    return found
+        made.append(Figure(name=f"wang2016_{take}", title=f"{take}: error of the missing markers", panels=panels))
+    return made

@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.arrays import Bools, runs
-from mocapclean.config.settings import DEFAULT_METHOD, Limits, MarkerLimits, Settings
+from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import self_check
@@ -94,7 +94,7 @@ def _longest_run(column: Bools) -> tuple[int, int]:
     return max(((int(stop - start), int(start)) for start, stop in runs(column)), default=(0, 0))
 
 
-def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: Limits) -> Iterator[Breach]:
+def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: TakeLimits) -> Iterator[Breach]:
     """Yield the breaches of limits on the take as a whole."""
     for name, what, unit, advice in (
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
@@ -148,7 +148,7 @@ def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLim
                 )
 
 
-def _without_own_gap_limit(take: Take, limits: Limits) -> list[int]:
+def _without_own_gap_limit(take: Take, limits: TakeLimits) -> list[int]:
     """Return the columns of the markers without a longest gap of their own."""
     own = {
         c
@@ -175,7 +175,7 @@ def _gap_breaches(take: Take, missing: Bools, columns: list[int], limit: int | N
             )
 
 
-def _required_breaches(take: Take, limits: Limits) -> Iterator[Breach]:
+def _required_breaches(take: Take, limits: TakeLimits) -> Iterator[Breach]:
     """Yield a breach for each required pattern with a marker that is absent or never seen."""
     for pattern in limits.required:
         columns = matching_columns(pattern, take.markers)

@@ -34,27 +34,27 @@ def relatives(found):
 
 
 def test_a_folder_is_every_take_in_it_in_a_fixed_order(tree):
-    found = list(inputs.named([tree]))
+    found = list(inputs.find([tree]))
     assert relatives(found) == ["a.C3D", "b.c3d", "other/x.bvh", "sub/x.bvh", "sub/deep/y.amc"]
     assert all(each.path == tree / each.relative for each in found)
 
 
 def test_a_named_file_keeps_its_name_alone_unless_a_root_is_given(tree):
     files = [tree / "sub" / "x.bvh", tree / "notes.txt"]
-    assert relatives(inputs.named(files)) == ["x.bvh", "notes.txt"]
-    assert relatives(inputs.named(files, tree)) == ["sub/x.bvh", "notes.txt"]
-    assert relatives(inputs.named([tree / "sub"], tree)) == ["sub/x.bvh", "sub/deep/y.amc"]
+    assert relatives(inputs.find(files)) == ["x.bvh", "notes.txt"]
+    assert relatives(inputs.find(files, tree)) == ["sub/x.bvh", "notes.txt"]
+    assert relatives(inputs.find([tree / "sub"], tree)) == ["sub/x.bvh", "sub/deep/y.amc"]
 
 
 def test_what_is_not_below_the_root_is_refused(tree):
     for path in (tree / ".." / "elsewhere.c3d", tree / "sub" / ".." / ".." / "x.c3d", Path("/etc/x.c3d")):
         with pytest.raises(UsageError, match="must lie below"):
-            list(inputs.named([path], tree))
+            list(inputs.find([path], tree))
 
 
 def test_the_output_folder_is_no_input(tree):
-    assert relatives(inputs.named([tree], skip=tree / "sub")) == ["a.C3D", "b.c3d", "other/x.bvh"]
-    assert len(list(inputs.named([tree], skip=tree / "none"))) == len(TREE)
+    assert relatives(inputs.find([tree], skip=tree / "sub")) == ["a.C3D", "b.c3d", "other/x.bvh"]
+    assert len(list(inputs.find([tree], skip=tree / "none"))) == len(TREE)
 
 
 def test_links_are_followed_and_loops_are_not(tree, tmp_path):
@@ -65,7 +65,7 @@ def test_links_are_followed_and_loops_are_not(tree, tmp_path):
     (tree / "self").symlink_to("self")
     (tree / "self.c3d").symlink_to("self.c3d")
     (tree / "lost.c3d").symlink_to("nowhere.c3d")
-    found = relatives(inputs.named([tree]))
+    found = relatives(inputs.find([tree]))
     assert "linked/z.c3d" in found
     assert {"self.c3d", "lost.c3d"} <= set(found)
     assert len(found) == len(set(found)) == len(TREE) + 3
@@ -80,7 +80,7 @@ def test_folders_may_be_deeper_than_python_recurses(tmp_path):
         folder, relative = inner, relative / "d"
     os.close(os.open("x.c3d", os.O_CREAT | os.O_WRONLY, dir_fd=folder))
     os.close(folder)
-    assert [each.relative for each in inputs.named([tmp_path])] == [relative / "x.c3d"]
+    assert [each.relative for each in inputs.find([tmp_path])] == [relative / "x.c3d"]
     subprocess.run(["rm", "-rf", tmp_path / "d"], check=True)
 
 
@@ -89,19 +89,19 @@ def test_a_folder_that_cannot_be_read_is_refused(tree):
     (tree / "sub").chmod(0)
     try:
         with pytest.raises(UsageError, match="cannot be read: Permission denied"):
-            list(inputs.named([tree]))
+            list(inputs.find([tree]))
     finally:
         (tree / "sub").chmod(0o755)
 
 
 @given(st.lists(st.binary(min_size=1, max_size=20).filter(lambda name: b"\0" not in name), max_size=10))
 def test_names_ended_by_nul_may_hold_anything(names):
-    found = inputs.listed(io.BytesIO(b"".join(name + b"\0" for name in names)), null=True)
+    found = inputs.read_list(io.BytesIO(b"".join(name + b"\0" for name in names)), null=True)
     assert [os.fsencode(path) for path in found] == [os.fsencode(Path(os.fsdecode(name))) for name in names]
 
 
 def test_lists_in_lines_may_come_from_any_system():
-    assert inputs.listed(io.BytesIO(b"a b.c3d\r\n\n sub/x.bvh\ny.amc")) == [
+    assert inputs.read_list(io.BytesIO(b"a b.c3d\r\n\n sub/x.bvh\ny.amc")) == [
         Path("a b.c3d"),
         Path(" sub/x.bvh"),
         Path("y.amc"),
@@ -109,15 +109,15 @@ def test_lists_in_lines_may_come_from_any_system():
 
 
 def test_a_list_of_the_other_kind_is_refused():
-    with pytest.raises(UsageError, match="give -0"):
-        inputs.listed(io.BytesIO(b"a.c3d\0b.c3d\0"))
+    with pytest.raises(UsageError, match="add -0"):
+        inputs.read_list(io.BytesIO(b"a.c3d\0b.c3d\0"))
 
 
 def test_patterns_are_of_the_name_or_with_a_slash_of_the_path(tree):
-    found = list(inputs.named([tree]))
-    assert relatives(inputs.chosen(found, ["*.bvh"], [])) == ["other/x.bvh", "sub/x.bvh"]
-    assert relatives(inputs.chosen(found, ["sub/*"], ["*/deep/*"])) == ["sub/x.bvh"]
-    assert relatives(inputs.chosen(found, [], ["x.*", "[ab].*"])) == ["sub/deep/y.amc"]
+    found = list(inputs.find([tree]))
+    assert relatives(inputs.matching(found, ["*.bvh"], [])) == ["other/x.bvh", "sub/x.bvh"]
+    assert relatives(inputs.matching(found, ["sub/*"], ["*/deep/*"])) == ["sub/x.bvh"]
+    assert relatives(inputs.matching(found, [], ["x.*", "[ab].*"])) == ["sub/deep/y.amc"]
 
 
 @given(paths, st.integers(1, 7), st.data())

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mocapclean.batch.journal import Before, Journal, earlier
+from mocapclean.batch.journal import EarlierOutput, Journal, earlier_outputs
 from mocapclean.errors import UsageError
 
 
@@ -28,12 +28,12 @@ def test_rows_come_back_and_the_last_good_one_counts(tmp_path):
     with Journal(tmp_path) as journal:
         journal.add("a.c3d", "key 4", take(4, "e" * 64))
         journal.add("é\udcff\n.c3d", "", take(5))
-    known = earlier(tmp_path)
+    known = earlier_outputs(tmp_path)
     assert [known[name].key for name in ("a.c3d", "b.c3d", "é\udcff\n.c3d")] == ["key 4", "", "key 2"]
     assert known["a.c3d"].sha256 == "e" * 64
-    assert known["b.c3d"] == Before()
+    assert known["b.c3d"] == EarlierOutput()
     with Journal(tmp_path) as journal:
-        journal.take_over("é\udcff\n.c3d", known["é\udcff\n.c3d"])
+        journal.adopt("é\udcff\n.c3d", known["é\udcff\n.c3d"])
         assert journal.row("é\udcff\n.c3d") == take(2)
 
 
@@ -41,10 +41,10 @@ def test_every_shard_has_its_own_and_all_are_read(tmp_path):
     with Journal(tmp_path, "journal-1-of-2") as one, Journal(tmp_path, "journal-2-of-2") as two:
         one.add("a.c3d", "1", take(1))
         two.add("b.c3d", "2", take(2))
-    known = earlier(tmp_path)
+    known = earlier_outputs(tmp_path)
     assert set(known) == {"a.c3d", "b.c3d"}
     with Journal(tmp_path) as journal:
-        journal.take_over("b.c3d", known["b.c3d"])
+        journal.adopt("b.c3d", known["b.c3d"])
         assert journal.row("b.c3d") == take(2)
 
 
@@ -59,11 +59,11 @@ def test_a_torn_journal_keeps_its_whole_lines_and_can_be_gone_on_with(tmp_path_f
     torn = whole[:kept] + rest.replace(b"\n", b"\0")
     journal.path.write_bytes(torn)
     n_whole = whole[:kept].count(b"\n")
-    assert set(earlier(folder)) == {f"{number}.c3d" for number in range(n_whole)}
+    assert set(earlier_outputs(folder)) == {f"{number}.c3d" for number in range(n_whole)}
     with Journal(folder) as journal:
         journal.add("new.c3d", "key", take(9))
         assert journal.row("new.c3d") == take(9)
-    assert set(earlier(folder)) == {*(f"{number}.c3d" for number in range(n_whole)), "new.c3d"}
+    assert set(earlier_outputs(folder)) == {*(f"{number}.c3d" for number in range(n_whole)), "new.c3d"}
     assert journal.path.read_bytes().startswith(whole[:kept].rpartition(b"\n")[0])
 
 
@@ -74,7 +74,7 @@ def test_lines_that_are_no_journal_are_passed_over(tmp_path):
         file.write(b"\0\0\0\n[1]\n{}\nhello\n")
     with Journal(tmp_path) as journal:
         journal.add("b.c3d", "key", take(2))
-    assert set(earlier(tmp_path)) == {"a.c3d", "b.c3d"}
+    assert set(earlier_outputs(tmp_path)) == {"a.c3d", "b.c3d"}
 
 
 def test_two_runs_cannot_write_into_one_folder(tmp_path):
@@ -113,4 +113,4 @@ with Journal(Path(sys.argv[1])) as journal:
     fault, *numbers = json.loads(said.stdout)
     assert "File too large" in fault
     assert numbers == [1, "x" * 300, 3]
-    assert set(earlier(tmp_path)) == {"a.c3d", "c.c3d"}
+    assert set(earlier_outputs(tmp_path)) == {"a.c3d", "c.c3d"}

@@ -11,11 +11,11 @@ import time
 import pytest
 from works import Act
 
-from mocapclean.batch.limits import Limits
+from mocapclean.batch.limits import WorkerLimits
 from mocapclean.batch.pool import Stop, run
 from mocapclean.errors import FormatError, MocapcleanError
 
-LIMITS = Limits(workers=2, timeout=3.0, memory=500 << 20)
+LIMITS = WorkerLimits(workers=2, timeout=3.0, memory=500 << 20)
 
 
 def _errors(kind):
@@ -49,7 +49,7 @@ def test_without_workers_the_jobs_are_done_here(tmp_path):
             assert os.getpid() == parent
 
     parent = os.getpid()
-    answers = dict(run(Here(tmp_path), [(4, "work"), (5, "err"), (6, "work")], Limits(workers=0), Stop()))
+    answers = dict(run(Here(tmp_path), [(4, "work"), (5, "err"), (6, "work")], WorkerLimits(workers=0), Stop()))
     assert answers[4, "work"] == 40
     assert answers[6, "work"] == 60
     assert "unexpected KeyError" in str(answers[5, "err"])
@@ -64,7 +64,7 @@ def test_asked_to_stop_nothing_more_is_begun(tmp_path, number, finished):
     stop = Stop()
     jobs = [(0, "work"), (1, "rest"), *((n, "work") for n in range(2, 50))]
     answers = []
-    for answer in run(Act(tmp_path), jobs, Limits(workers=2), stop):
+    for answer in run(Act(tmp_path), jobs, WorkerLimits(workers=2), stop):
         answers.append(answer)
         if len(answers) == 1:
             while len(notes(tmp_path, "begun")) < 3:
@@ -81,7 +81,7 @@ def test_asked_to_stop_nothing_more_is_begun(tmp_path, number, finished):
 
 def test_stopped_at_once_the_processes_are_gone_and_what_ran_is_undone(tmp_path):
     jobs = [(0, "work"), (1, "hang"), (2, "hang")]
-    answers = run(Act(tmp_path), jobs, Limits(workers=2), Stop())
+    answers = run(Act(tmp_path), jobs, WorkerLimits(workers=2), Stop())
     assert next(answers) == (jobs[0], 0)
     while len(notes(tmp_path, "begun")) < 3:
         time.sleep(0.01)
@@ -94,10 +94,10 @@ def test_nobody_is_left_when_the_parent_is_killed(tmp_path):
 import sys; sys.path.insert(0, {os.path.dirname(__file__)!r})
 from pathlib import Path
 from works import Act
-from mocapclean.batch.limits import Limits
+from mocapclean.batch.limits import WorkerLimits
 from mocapclean.batch.pool import Stop, run
 if __name__ == "__main__":
-    list(run(Act(Path(sys.argv[1])), [(0, "hang"), (1, "hang")], Limits(workers=2), Stop()))
+    list(run(Act(Path(sys.argv[1])), [(0, "hang"), (1, "hang")], WorkerLimits(workers=2), Stop()))
 """
     (tmp_path / "parent.py").write_text(code)
     process = subprocess.Popen([sys.executable, tmp_path / "parent.py", tmp_path], start_new_session=True)
@@ -129,7 +129,7 @@ def _session(leader):
 def test_a_stop_may_come_from_anywhere(tmp_path):
     stop = Stop()
     threading.Timer(0.5, stop, (signal.SIGTERM, None)).start()
-    assert list(run(Act(tmp_path), [(0, "hang"), (1, "hang")], Limits(workers=2), stop)) == []
+    assert list(run(Act(tmp_path), [(0, "hang"), (1, "hang")], WorkerLimits(workers=2), stop)) == []
     assert notes(tmp_path, "undone") == [0, 1]
 
 

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from mocapclean.config.settings import DEFAULT_METHOD, Settings, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import DEFAULT_METHOD, Settings
 from mocapclean.errors import ConfigError
 
 
@@ -69,7 +70,7 @@ def test_paths_are_relative_to_the_file(tmp_path):
         ("method: linear\nmax_error: 5\n", r"max_error must go with a method that gives error bars: .*dynammo.*linear"),
         ("auto: {methods: []}\n", r"auto.methods must name at least one method. Got none"),
         ("auto: {methods: [spline, magic]}\n", r"line 1: auto.methods.1 must be 'kriging', .*Got 'magic'"),
-        ("method: auto\nself_check: false\n", r"method auto must go with the self-check"),
+        ("method: auto\nself_check: false\n", r"method auto needs the self-check"),
         ("method: auto\nmax_error: 5\nauto: {methods: [linear]}\n", r"gives error bars: .*dynammo.*Got linear"),
         ("self_check: maybe\n", r"line 1: self_check must be 'auto' or a valid boolean. Got 'maybe'"),
         ("hiding: {rounds: 0}\n", r"hiding.rounds must be greater than or equal to 1. Got 0"),

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mocapclean.errors import SolverError, UsageError
-from mocapclean.experiments import compare, hu2017, imamura2018, jobs, markers, plots, tan2015, wang2016
-from mocapclean.experiments.jobs import CMU_UNIT, Capture, Choice, Entry, Loss
+from mocapclean.experiments import compare, hu2017, imamura2018, markers, plots, tan2015, trials, wang2016
 from mocapclean.experiments.protocols import EXPERIMENTS
 from mocapclean.experiments.published import published, statements
-from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, beside, geometric_mean, number
+from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, geometric_mean, number, with_printed
+from mocapclean.experiments.trials import CMU_UNIT, Capture, Entry, Loss, Request
 from mocapclean.formats import c3d
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
@@ -107,7 +107,7 @@ def test_an_interrupted_run_goes_on_to_the_same_rows(folder, tmp_path, monkeypat
 
     monkeypatch.setattr(SOLVERS["spline"], "solve", interrupted)
     code, _, err = run(*arguments, tmp_path / "parts")
-    assert (code, "interrupted" in err) == (130, True)
+    assert (code, "Interrupted" in err) == (130, True)
     kept = (tmp_path / "parts" / "compare.csv").read_text(encoding="utf-8")
     assert len(kept.splitlines()) == 1 + 3
     assert run(*arguments, tmp_path / "parts")[0] == 0
@@ -207,26 +207,26 @@ def test_without_matplotlib_all_but_the_plots_is_there(folder, tmp_path, monkeyp
     monkeypatch.setattr(plots, "find_spec", lambda name: None)
     code, _, err = run("compare", folder / "7_01.c3d", "--quick", "--methods", "linear", "--out-dir", tmp_path)
     assert code == 0
-    assert "mocapclean[plots]" in err
+    assert "pip install '.[plots]'" in err
     assert {path.name for path in tmp_path.iterdir()} == {"compare", "compare.csv", "compare.json", "compare.txt"}
 
 
 def test_tan_takes_every_second_frame_cut_to_a_multiple(capture):
     take = capture.take
-    short = tan2015.halved(take, 50)
+    short = tan2015.every_second_frame(take, 50)
     np.testing.assert_array_equal(short.positions, take.positions[::2][:100])
     assert short.rate == 60.0
     with pytest.raises(SolverError, match="must have 400 frames"):
-        tan2015.halved(take, 200)
+        tan2015.every_second_frame(take, 200)
 
 
 def test_tan_divides_by_all_entries(capture):
     loss = Loss(length=15, out=3)
-    truth = tan2015.halved(capture.take, 15)
-    missing = loss.missing(truth, 4)
+    truth = tan2015.every_second_frame(capture.take, 15)
+    missing = loss.hidden(truth, 4)
     assert (missing.sum(axis=1) == 3).all()
     entry = Entry(method="svt", changes={"max_iterations": 5})
-    found = run_method("svt", hide(truth, missing), jobs.parameters(entry)).positions
+    found = run_method("svt", hide(truth, missing), trials.parameters(entry)).positions
     measures, _ = tan2015.run(capture, entry, loss, 4)
     every, lost = found - truth.positions, (found - truth.positions)[missing]
     assert measures["rmse"] == pytest.approx((every**2).mean() ** 0.5 / CMU_UNIT)
@@ -236,7 +236,7 @@ def test_tan_divides_by_all_entries(capture):
 
 
 def test_tan_keeps_the_joint_errors_of_the_loss_that_is_shown(capture):
-    _, series = tan2015.run(capture, LINEAR, tan2015.SHOWN, 0)
+    _, series = tan2015.run(capture, LINEAR, tan2015.SHOWN_LOSS, 0)
     joints = np.array([series[name] for name in capture.take.markers])
     np.testing.assert_allclose(series["rmse"], np.sqrt((joints**2).mean(axis=0) / 3), atol=1e-12)
     assert ((joints > 0).sum(axis=0) <= 3).all()
@@ -244,7 +244,7 @@ def test_tan_keeps_the_joint_errors_of_the_loss_that_is_shown(capture):
 
 def test_imamura_measures_in_standard_deviations(capture):
     take = capture.take
-    measures, series = imamura2018.run(capture, LINEAR, imamura2018.SHOWN, 0)
+    measures, series = imamura2018.run(capture, LINEAR, imamura2018.SHOWN_LOSS, 0)
     assert measures["rmse"] == pytest.approx(measures["rmse_mm"] / take.positions.std())
     second = np.diff(take.positions.reshape(len(take.positions), -1), n=2, axis=0) / take.positions.std()
     np.testing.assert_allclose(series["complete"], np.linalg.svd(second, compute_uv=False), atol=1e-9)
@@ -265,8 +265,8 @@ def test_wang_learns_from_the_same_subject_and_never_from_the_take(folder, tmp_p
         *("--out-dir", tmp_path),
     )
     assert code == 0
-    assert "7_01 is tested, learnt from: 7_02." in text
-    assert "8_01 is tested, learnt from: 7_01, 7_02." in text
+    assert "7_01 is tested; trained on: 7_02." in text
+    assert "8_01 is tested; trained on: 7_01, 7_02." in text
     found = {
         (row["take"], row["method"], row["cell"]): float(row["rmse_cm"]) for row in rows_of(tmp_path / "wang2016.csv")
     }
@@ -281,20 +281,20 @@ def test_wang_tunes_a_competitor_unless_the_user_does(folder, tmp_path, extra, e
         *extra,
     )
     assert code == 0
-    assert "7_01 is tested, learnt from: 7_02." in text or extra
+    assert "7_01 is tested; trained on: 7_02." in text or extra
     assert {float(row["tuned"]) for row in rows_of(tmp_path / "wang2016.csv")} <= expected
 
 
 def test_wang_holds_out_all_takes_under_test_while_one_is_left(folder):
     names = ("7_01", "7_02", "8_01")
-    seven, other, eight = (jobs.Capture(path=folder / f"{name}.c3d") for name in names)
-    assert wang2016.split_of(seven, Choice(captures=(seven,), folder=(other, eight))) == [other]
-    assert wang2016.split_of(seven, Choice(captures=(seven, other), folder=(eight,))) == [other]
+    seven, other, eight = (trials.Capture(path=folder / f"{name}.c3d") for name in names)
+    assert wang2016.training_captures(seven, Request(captures=(seven,), folder=(other, eight))) == [other]
+    assert wang2016.training_captures(seven, Request(captures=(seven, other), folder=(eight,))) == [other]
 
 
 def test_wang_needs_another_take(capture):
-    with pytest.raises(UsageError, match="other takes must be there"):
-        wang2016.jobs(Choice(captures=(capture,), methods=("llc",)))
+    with pytest.raises(UsageError, match="at least one other take"):
+        wang2016.trials(Request(captures=(capture,), methods=("llc",)))
 
 
 def test_compare_judges_hidden_samples_only_and_those_at_the_ends_apart(capture):
@@ -303,12 +303,12 @@ def test_compare_judges_hidden_samples_only_and_those_at_the_ends_apart(capture)
     missing[:9, 0] = missing[20:30, 1] = missing[40:80, 2] = missing[-7:, 3] = True
 
     class Given:
-        def missing(self, take, seed):
+        def hidden(self, take, seed):
             return missing
 
     entry = Entry(method="svt", changes={"max_iterations": 5})
     measures, _ = compare.run(capture, entry, Given(), 0)
-    found = run_method("svt", hide(truth, missing), jobs.parameters(entry)).positions
+    found = run_method("svt", hide(truth, missing), trials.parameters(entry)).positions
     errors = found - truth.positions
     assert measures["rmse 1-10"] == pytest.approx((errors[20:30, 1] ** 2).mean() ** 0.5)
     assert measures["rmse 31-60"] == pytest.approx((errors[40:80, 2] ** 2).mean() ** 0.5)
@@ -328,7 +328,7 @@ def test_markers_counts_gaps_and_what_intervals_hold(capture, monkeypatch):
     missing[20:30, 1] = missing[40:80, 2] = missing[-7:, 3] = True
 
     class Given:
-        def missing(self, take, seed):
+        def hidden(self, take, seed):
             return missing
 
     errors = np.zeros_like(truth.positions)
@@ -409,10 +409,10 @@ def test_markers_takes_of_a_folder_what_is_fit_and_says_why_not(tmp_path, rng):
         "slow.c3d (60 Hz)",
         "short.c3d (250 frames)",
         "few.c3d (12 labelled markers)",
-        "still.c3d (nobody moves)",
+        "still.c3d (no motion)",
         f"gappy.c3d ({100 * (1 - trusted.mean()):.1f} % missing)",
         "broken.c3d (cannot be read)",
-        "other.bvh (no C3D)",
+        "other.bvh (not C3D)",
     ):
         assert said in text
     assert {row["take"] for row in rows_of(tmp_path / "o" / "markers.csv")} == {"good"}
@@ -423,11 +423,11 @@ def test_markers_alternates_the_takes():
 
 
 def test_scattered_gaps_are_short_and_off_the_ends(capture):
-    missing = markers.Scattered(count=30, longest=10).missing(capture.take, 3)
+    missing = markers.ScatteredGaps(count=30, longest=10).hidden(capture.take, 3)
     assert not missing[:10].any()
     assert not missing[-10:].any()
     assert 30 <= missing.sum() <= 300
-    assert (missing != markers.Scattered(count=30, longest=10).missing(capture.take, 4)).any()
+    assert (missing != markers.ScatteredGaps(count=30, longest=10).hidden(capture.take, 4)).any()
 
 
 def test_untrusted_samples_are_neither_hidden_nor_judged(capture):
@@ -438,7 +438,7 @@ def test_untrusted_samples_are_neither_hidden_nor_judged(capture):
     broken = replace(capture)
     broken.__dict__["take"] = ruined
     for loss in (Loss(ratio=0.3), Loss(length=20, out=5), compare.Occlusion()):
-        assert not (loss.missing(ruined, 0) & ~trusted).any()
+        assert not (loss.hidden(ruined, 0) & ~trusted).any()
     assert tan2015.run(broken, LINEAR, Loss(length=15, out=3), 0)[0]["rmse"] < 100
     assert hu2017.run(broken, LINEAR, Loss(ratio=0.3), 0)[0]["rmse"] < 100
     assert imamura2018.run(broken, LINEAR, Loss(ratio=0.3), 0)[0]["rmse"] < 100
@@ -449,16 +449,16 @@ def test_untrusted_samples_are_neither_hidden_nor_judged(capture):
 
 def test_a_loss_depends_on_its_seed_and_its_size_only(capture):
     take = capture.take
-    np.testing.assert_array_equal(Loss(ratio=0.3).missing(take, 1), Loss(ratio=0.3).missing(take, 1))
-    assert (Loss(ratio=0.3).missing(take, 1) != Loss(ratio=0.3).missing(take, 2)).any()
-    assert (Loss(length=20, out=5).missing(take, 1) != Loss(length=20, out=5).missing(take, 2)).any()
+    np.testing.assert_array_equal(Loss(ratio=0.3).hidden(take, 1), Loss(ratio=0.3).hidden(take, 1))
+    assert (Loss(ratio=0.3).hidden(take, 1) != Loss(ratio=0.3).hidden(take, 2)).any()
+    assert (Loss(length=20, out=5).hidden(take, 1) != Loss(length=20, out=5).hidden(take, 2)).any()
 
 
 def test_a_shortened_capture_has_another_key(capture):
-    (short,) = Choice(captures=(capture,), quick=True).shortened(60).captures
+    (short,) = Request(captures=(capture,), quick=True).shortened(60).captures
     assert len(short.take.trusted) == 60
     assert short.digest != capture.digest
-    assert Choice(captures=(capture,)).shortened(60).captures == (capture,)
+    assert Request(captures=(capture,)).shortened(60).captures == (capture,)
 
 
 def test_synthetic_matrices_are_separated():
@@ -484,12 +484,16 @@ def test_printed_tables_are_whole():
 
 def test_ours_beside_theirs():
     assert geometric_mean([2.0, 0.5]) == pytest.approx(1.0)
-    assert beside([0.2, 0.1, None], [0.1, None, 0.3]) == (["0.200", "0.100", "-"], ["0.100", "-", "0.300"], "2.00")
+    assert with_printed([0.2, 0.1, None], [0.1, None, 0.3]) == (
+        ["0.200", "0.100", "-"],
+        ["0.100", "-", "0.300"],
+        "2.00",
+    )
     assert [number(x) for x in (None, 0.0, 0.01234, 12.345, 1234.5)] == ["-", "0", "0.0123", "12.3", "1234"]
 
 
 def test_every_entry_of_the_papers_is_a_valid_one():
     own = (*tan2015.ENTRIES, *tan2015.PRINTED_STEPS, *hu2017.ENTRIES, *imamura2018.ENTRIES, *wang2016.ENTRIES)
     for entry in own:
-        params = jobs.parameters(entry)
+        params = trials.parameters(entry)
         assert all(getattr(params, name) == value for name, value in entry.changes.items())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mocapclean.experiments import trust
-from mocapclean.experiments.jobs import Capture, Choice, Entry
+from mocapclean.experiments.trials import Capture, Entry, Request
 from mocapclean.formats import c3d
 from mocapclean.simulate import FAULTS, perform
 
@@ -49,10 +49,10 @@ def test_a_clean_take_has_nothing_right(rows):
 
 
 def test_quick_runs_fewer(capture):
-    quick, whole = (trust.jobs(Choice(captures=(capture,), quick=quick)) for quick in (True, False))
-    assert {job.entry.variant for job in quick} == set(trust.EVERYWHERE)
-    assert {job.entry.variant for job in whole} == set(trust.SETS)
-    assert {job.cell["size"] for job in whole} == {"0", "1", "2", "4"}
+    quick, whole = (trust.trials(Request(captures=(capture,), quick=quick)) for quick in (True, False))
+    assert {trial.entry.variant for trial in quick} == set(trust.EVERYWHERE)
+    assert {trial.entry.variant for trial in whole} == set(trust.SETS)
+    assert {trial.cell["size"] for trial in whole} == {"0", "1", "2", "4"}
 
 
 def test_hampel_flags_what_leaves_its_window():

@@ -14,7 +14,7 @@ import pytest
 from small_takes import assert_true, hashes, rows_of, small, store
 
 from mocapclean.batch.cluster import run
-from mocapclean.batch.limits import Limits
+from mocapclean.batch.limits import WorkerLimits
 from mocapclean.batch.pool import Stop
 from mocapclean.errors import UsageError
 
@@ -120,11 +120,11 @@ def test_a_take_that_hangs_on_a_cluster_is_given_up(cluster, captures):
 
 def test_no_scheduler_is_one_sentence(captures):
     err = finish(start(captures, "there", "--scheduler", "nonsense://x"), 2)
-    assert "no Dask scheduler answers there" in err
+    assert "no Dask scheduler responds there" in err
 
 
 def test_workers_that_do_not_see_the_files_are_told_of(cluster, captures):
-    answers = run(None, [1], cluster, Limits(), [captures, Path("nowhere").absolute()], Stop())
+    answers = run(None, [1], cluster, WorkerLimits(), [captures, Path("nowhere").absolute()], Stop())
     with pytest.raises(UsageError, match=r"cannot see .*nowhere"):
         next(answers)
 

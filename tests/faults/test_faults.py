@@ -237,7 +237,7 @@ def test_two_runs_into_one_folder(hanging):
 
 def test_an_input_that_changes_while_it_is_read_is_not_repaired(captures, monkeypatch):
     from mocapclean.batch import repairing
-    from mocapclean.batch.repairing import Job, Repair
+    from mocapclean.batch.repairing import Repair, RepairJob
     from mocapclean.config.settings import Settings
 
     real = repairing.repair
@@ -248,10 +248,10 @@ def test_an_input_that_changes_while_it_is_read_is_not_repaired(captures, monkey
         return real(source, output, settings, sidecar)
 
     monkeypatch.setattr(repairing, "repair", slow)
-    done = Repair(Settings(method="linear"))(Job(name="a", source=captures / "a.c3d", output=Path("out.c3d")))
+    done = Repair(Settings(method="linear"))(RepairJob(name="a", source=captures / "a.c3d", output=Path("out.c3d")))
     (captures / "a.c3d").write_bytes(old)
-    assert done.take["status"] == "failed"
-    assert "changed while it was read" in done.take["error"]
+    assert done.row["status"] == "failed"
+    assert "changed while it was read" in done.row["error"]
     assert (done.key, Path("out.c3d").exists()) == ("", False)
 
 
@@ -309,7 +309,7 @@ def test_asked_to_stop_a_run_reports_all_takes(hanging, number, code):
         time.sleep(0.5)
         assert process.poll() is None
     err = end(process, code, hanging / HANGS if number == signal.SIGINT else None)
-    assert "interrupted" in err
+    assert "Interrupted" in err
     found = statuses()
     assert len(found) == len(NAMES) + 1
     assert found["z.c3d"] == "skipped"

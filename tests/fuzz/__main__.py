@@ -19,7 +19,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from mocapclean.batch.limits import Limits
+from mocapclean.batch.limits import WorkerLimits
 from mocapclean.batch.pool import Stop, run
 from tests.fuzz.target import Fuzz
 
@@ -37,7 +37,7 @@ def main() -> int:
     fuzz = Fuzz((ROOT / "sample_data", options.captures), options.found.absolute())
     counts: Counter[str] = Counter()
     seeds = range(options.first, options.first + options.inputs)
-    limits = Limits(workers=options.workers, timeout=120.0, memory=1 << 30)
+    limits = WorkerLimits(workers=options.workers, timeout=120.0, memory=1 << 30)
     stop = Stop()
     signal.signal(signal.SIGINT, stop)
     for seed, answer in tqdm(run(fuzz, seeds, limits, stop), total=len(seeds), unit="input", disable=None):

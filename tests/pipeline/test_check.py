@@ -15,7 +15,8 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from mocapclean.config.settings import Limits, resolve
+from mocapclean.config.loading import resolve
+from mocapclean.config.settings import TakeLimits
 from mocapclean.formats import c3d
 from mocapclean.pipeline.check import CheckTake
 from mocapclean.pipeline.outcome import Breach, Verdict
@@ -83,7 +84,7 @@ def test_every_limit_is_kept_or_not(takes, name, asked, allowed, limit):
 
 def test_every_limit_has_a_case():
     tried = {key for _, asked, *_ in LIMITS for key in asked} | {"swaps", "units"}
-    assert tried == set(Limits.model_fields)
+    assert tried == set(TakeLimits.model_fields)
 
 
 def test_a_markers_own_gap_stands_in_place_of_the_general_one(takes):
@@ -162,7 +163,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
     code, out, err = run(takes, "--junit", tmp_path / "check.xml")
     assert code == 130
     assert "takes pass" not in out
-    assert re.search("interrupted after [12] of 4 takes; nothing was written", err)
+    assert re.search("Interrupted after [12] of 4 takes. No file was written", err)
     assert not list(tmp_path.iterdir())
 
 
@@ -170,7 +171,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
     ("arguments", "message"),
     [
         (["nowhere"], "nowhere: the file or folder must exist"),
-        (["{empty}"], "there must be takes in the folders"),
+        (["{empty}"], "the folders must hold at least one take"),
         (["{take}", "--junit", "{take}"], "must not be"),
         (["{take}", "--set", "check.longest_gap=-1"], "check.longest_gap must be"),
         (["{take}", "--set", "check.longest_gab=1"], "Did you mean 'longest_gap'"),
@@ -211,7 +212,7 @@ def shop(takes, tmp_path, monkeypatch):
 
 def test_the_documented_limits_are_all_of_them(shop):
     settings = resolve(shop / "studio.yaml", {})
-    assert settings.check.model_fields_set == set(Limits.model_fields)
+    assert settings.check.model_fields_set == set(TakeLimits.model_fields)
 
 
 @pytest.mark.parametrize("name", ["github", "gitlab"])

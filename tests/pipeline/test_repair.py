@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.formats import read
 from mocapclean.pipeline.repair import repair
 from mocapclean.take.status import Status

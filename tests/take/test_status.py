@@ -6,7 +6,7 @@ from c3d_builder import C3D
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.formats import c3d
 from mocapclean.pipeline.repair import inspect, repair
 from mocapclean.take import Finding, Take

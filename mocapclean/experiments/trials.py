@@ -1,4 +1,4 @@
-"""The words of a benchmark: captures, entries, losses and jobs."""
+"""The parts of an experiment: captures, entries (a method with parameters), loss patterns, and trials."""
 
 import hashlib
 import json
@@ -13,7 +13,7 @@ import numpy as np
 
 from mocapclean import formats
 from mocapclean.arrays import Bools, Floats
-from mocapclean.config.settings import resolve
+from mocapclean.config.loading import resolve
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.simulate import block_loss, hide, random_loss
@@ -22,19 +22,23 @@ from mocapclean.solvers.running import run_method
 from mocapclean.take import ReadOptions, Solution, Take
 
 CMU_UNIT = 25.4 / 0.45
-"""Millimetres per unit of length of the CMU's AMC and ASF files."""
+"""Millimetres per unit of length of the CMU's AMC and ASF files: an inch is 25.4 mm, and the files' scale is 0.45."""
 
 LEARNERS = tuple(name for name, module in SOLVERS.items() if module.TRAITS.needs_dictionary)
 """The methods that need a trained dictionary."""
 
 Measures = Mapping[str, float | int]
+"""The measures of a trial, by column name."""
+
 Series = Mapping[str, Floats]
-Found = tuple[Measures, Series]
+"""Curves of a trial, such as an error for each frame, by column name; all have the same length."""
+
+TrialResult = tuple[Measures, Series]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Capture:
-    """A take that is read when it is first needed; n_frames: no more than this many of its first frames."""
+    """A file of a take, read on first use. n_frames: only this many of its first frames; None for all."""
 
     path: Path
     options: ReadOptions = ReadOptions()  # noqa: RUF009
@@ -42,21 +46,21 @@ class Capture:
 
     @property
     def name(self) -> str:
-        """The name of the file without its suffix."""
+        """Return the name of the file without its suffix."""
         return self.path.stem
 
     @cached_property
     def digest(self) -> str:
-        """The first twelve digits of the file's SHA-256, and how many frames at most."""
+        """Return the first twelve digits of the file's SHA-256, with ``n_frames`` if it is set."""
         try:
             digits = hashlib.sha256(self.path.read_bytes()).hexdigest()[:12]
             return f"{digits}:{self.n_frames}" if self.n_frames else digits
-        except OSError as fault:
-            raise FormatError(self.path, f"cannot be read: {fault.strerror or fault}.") from None
+        except OSError as error:
+            raise FormatError(self.path, f"cannot be read: {error.strerror or error}.") from None
 
     @cached_property
     def take(self) -> Take:
-        """The take as it is in the file, or its first frames."""
+        """Return the take in the file, or its first frames."""
         options = self.options
         take = formats.read(self.path, skeleton=options.skeleton, rate=options.rate, unit=options.unit)
         return take.crop(0, self.n_frames) if self.n_frames else take
@@ -64,10 +68,10 @@ class Capture:
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A method as it enters an experiment.
+    """A method with its parameters in an experiment.
 
-    variant: a name for it among those of one method. changes: the parameters that are not the defaults. learned: the
-    dictionary of a method that learns.
+    variant: a name that tells several entries of one method apart. changes: parameters that differ from the defaults.
+    learned: the dictionary of a method in ``LEARNERS``.
     """
 
     method: str
@@ -77,15 +81,17 @@ class Entry:
 
     @property
     def parameters(self) -> str:
-        """The changed parameters as JSON, the same text for the same parameters."""
+        """Return the changed parameters as JSON with sorted keys."""
         return json.dumps(dict(self.changes), sort_keys=True)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Choice:
-    """What the user asked for.
+class Request:
+    """The user's request: which captures and methods to run, and how.
 
-    methods: none for the experiment's own. changes: parameters by method. folder: other captures, to learn from.
+    methods: empty for the experiment's own methods. changes: parameters by method. n_seeds: repetitions with other
+    random losses. quick: fewer and shorter trials. folder: further captures, for training. dictionary: for the methods
+    in ``LEARNERS``.
     """
 
     captures: tuple[Capture, ...] = ()
@@ -96,17 +102,16 @@ class Choice:
     folder: tuple[Capture, ...] = ()
     dictionary: Dictionary | None = None
 
-    def shortened(self, n_frames: int) -> "Choice":
-        """With ``quick``, the same with only so many first frames of each capture."""
+    def shortened(self, n_frames: int) -> "Request":
+        """Return the same request; if it is ``quick``, with only the first ``n_frames`` of each capture."""
         short = tuple(replace(capture, n_frames=n_frames) for capture in self.captures)
         return replace(self, captures=short) if self.quick else self
 
     def entries(self, own: Sequence[Entry], *, trained: bool = False) -> list[Entry]:
-        """The chosen ones of an experiment's own entries, and any other method that was named, with its changes.
+        """Return the requested entries among an experiment's own, and an entry for every other requested method.
 
-        Where a variant and the user set one parameter, the user's value holds. Raises UsageError for a method
-        that is not there or needs a dictionary (unless the experiment has ``trained`` one), ConfigError for parameters
-        that it does not have.
+        The user's value of a parameter replaces that of an entry. trained: the experiment trains dictionaries itself.
+        Raises UsageError for an unknown method or one without its dictionary, ConfigError for an unknown parameter.
         """
         for name in {*self.methods, *self.changes} - {*SOLVERS}:
             raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {name!r}.")
@@ -121,30 +126,34 @@ class Choice:
             raise UsageError(f"--set must name a method of this run. Got {', '.join(sorted(unused))}.")
         for entry in changed:
             parameters(entry)
-        return [self._equipped(entry) for entry in changed]
+        return [self._with_dictionary(entry) for entry in changed]
 
-    def _equipped(self, entry: Entry) -> Entry:
+    def _with_dictionary(self, entry: Entry) -> Entry:
+        """Return the entry with the user's dictionary, if its method needs one."""
         if self.dictionary is None or entry.method not in LEARNERS:
             return entry
         return replace(entry, variant=f"with {self.dictionary.sha256[:8]}", learned=self.dictionary)
 
 
 def parameters(entry: Entry) -> Any:
-    """The method's Params; raises ConfigError with every fault."""
+    """Return the Params of an entry's method; raise ConfigError for invalid changes."""
     return getattr(resolve(None, {"methods": {entry.method: dict(entry.changes)}}).methods, entry.method)
 
 
-class Hiding(Protocol):
-    """A way to lose samples: its place in a table, and the trusted samples (F, M) that it hides."""
+class LossPattern(Protocol):
+    """A pattern of lost samples, drawn at random for each seed."""
 
     @property
-    def cell(self) -> dict[str, str]: ...  # noqa: D102
-    def missing(self, take: Take, seed: int) -> Bools: ...  # noqa: D102
+    def cell(self) -> dict[str, str]:
+        """Return the cell of the results' tables for this pattern, as names and values."""
+
+    def hidden(self, take: Take, seed: int) -> Bools:
+        """Return the trusted samples (F, M) of a take that are hidden from the method."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Loss:
-    """The papers' losses: a ``ratio`` of the markers in each frame, or ``out`` of them in each block of ``length``."""
+    """The papers' losses: a ``ratio`` of the markers per frame, or ``out`` markers per block of ``length`` frames."""
 
     ratio: float = 0.0
     length: int = 0
@@ -152,13 +161,13 @@ class Loss:
 
     @property
     def cell(self) -> dict[str, str]:
-        """Its kind and its size."""
+        """Return the kind and the size of the loss."""
         if self.length:
             return {"loss": "blocks", "length": str(self.length), "out": str(self.out)}
         return {"loss": "random", "ratio": f"{self.ratio:g}"}
 
-    def missing(self, take: Take, seed: int) -> Bools:
-        """The trusted samples (F, M) that are hidden; the same for every method."""
+    def hidden(self, take: Take, seed: int) -> Bools:
+        """Return the trusted samples (F, M) that are hidden; the same for every method."""
         rng = np.random.default_rng([seed, round(1000 * self.ratio), self.length, self.out])
         n_frames, n_markers = take.trusted.shape
         if self.length:
@@ -167,36 +176,39 @@ class Loss:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Job:
-    """One row to be: its key, and how it is found. source: the first digits of the capture's SHA-256."""
+class Trial:
+    """One method on one take with one loss pattern and one seed: one row of the results.
+
+    source: the capture's digest. cell: the place of the trial in the results' tables. run: returns the result.
+    """
 
     take: str
     source: str
     entry: Entry
     cell: Mapping[str, str]
     seed: int
-    run: Callable[[], Found] = field(repr=False)
+    run: Callable[[], TrialResult] = field(repr=False)
 
     @property
     def key(self) -> tuple[str, ...]:
-        """What tells it from all other jobs of the experiment."""
+        """Return the values that identify the trial among all trials of an experiment."""
         cell = " ".join(f"{name}={value}" for name, value in self.cell.items())
         entry = self.entry
         return self.take, self.source, entry.method, entry.variant, entry.parameters, cell, str(self.seed)
 
 
-H = TypeVar("H", bound=Hiding)
+Pattern = TypeVar("Pattern", bound=LossPattern)
 
 
 def grid(
-    choice: Choice,
+    request: Request,
     entries: Sequence[Entry],
-    losses: Sequence[H],
-    run: Callable[[Capture, Entry, H, int], Found],
-) -> list[Job]:
-    """All jobs of captures, seeds, losses and entries, in this order."""
+    losses: Sequence[Pattern],
+    run: Callable[[Capture, Entry, Pattern, int], TrialResult],
+) -> list[Trial]:
+    """Return all trials of captures, seeds, losses and entries, in this order of loops."""
     return [
-        Job(
+        Trial(
             take=capture.name,
             source=capture.digest,
             entry=entry,
@@ -204,22 +216,22 @@ def grid(
             seed=seed,
             run=partial(run, capture, entry, loss, seed),
         )
-        for capture in choice.captures
-        for seed in range(choice.n_seeds)
+        for capture in request.captures
+        for seed in range(request.n_seeds)
         for loss in losses
         for entry in entries
     ]
 
 
-def solve(take: Take, missing: Bools, entry: Entry) -> tuple[Solution, float]:
-    """What a method makes of a take without its ``missing`` samples (F, M), and in how many seconds."""
+def solve(take: Take, hidden: Bools, entry: Entry) -> tuple[Solution, float]:
+    """Return a method's solution for a take without its ``hidden`` samples (F, M), and the seconds it needed."""
     params = parameters(entry)
-    broken = hide(take, missing)
+    with_gaps = hide(take, hidden)
     begin = perf_counter()
-    solution = run_method(entry.method, broken, params, dictionary=entry.learned)
+    solution = run_method(entry.method, with_gaps, params, dictionary=entry.learned)
     return solution, perf_counter() - begin
 
 
 def rms(differences: Floats) -> float:
-    """The root of the mean square of all entries; 0 without any."""
+    """Return the root mean square of all entries; 0 if there are none."""
     return float(np.sqrt(np.mean(differences**2))) if differences.size else 0.0

@@ -1,0 +1,197 @@
+"""Settings from a YAML file and the command line; every refused value is named with its file, line and key."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from pydantic_core import ErrorDetails
+from ruamel.yaml import YAML
+from ruamel.yaml.comments import CommentedMap, CommentedSeq
+from ruamel.yaml.error import YAMLError
+
+from mocapclean.config.settings import DEFAULT_METHOD, Settings
+from mocapclean.errors import ConfigError
+from mocapclean.solvers import SOLVERS
+
+_MAX_VALUES = 10_000
+"""Most values in a configuration, aliases expanded; chosen by hand, over ten times the number of keys."""
+
+_PATH_KEYS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report", "sidecar")
+
+
+def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence[str] = ()) -> Settings:
+    """Return settings from a YAML file, the command's options and ``--set`` assignments; later sources win.
+
+    options: values by key. assignments: "name=value" for a parameter of the chosen method, "a.b=value" for any key.
+    Paths in the file are relative to its folder. Raises ConfigError with one line per invalid value.
+    """
+    tree = _load(path) if path else CommentedMap()
+    try:
+        values = _plain(tree, iter(range(_MAX_VALUES)))
+    except (StopIteration, RecursionError):
+        raise ConfigError(f"{path}: a configuration must have fewer than {_MAX_VALUES:,} values.") from None
+    if path:
+        for key in _PATH_KEYS:
+            if isinstance(values.get(key), str):
+                values[key] = path.parent / values[key]
+    values.update(options)
+    for assignment in assignments:
+        _assign(values, assignment)
+    try:
+        # Strict validation from JSON accepts mappings for sections and text for paths, but no text for numbers.
+        settings = Settings.model_validate_json(json.dumps(values, default=str))
+    except ValidationError as invalid:
+        messages = [_message(error, path, tree) for error in _merged(invalid)]
+        raise ConfigError("\n".join(messages)) from None
+    contradictions = [f"{path or 'command line'}: {message}" for message in _contradictions(settings)]
+    if contradictions:
+        raise ConfigError("\n".join(contradictions))
+    return settings
+
+
+def _contradictions(settings: Settings) -> Iterator[str]:
+    """Yield a message for each value that has the right type but is impossible or conflicts with another value."""
+    for name, value in settings:
+        if isinstance(value, Path) and "\0" in str(value):
+            yield f"{name} must be a path, without NUL. Got {str(value)!r}."
+    try:
+        limit = settings.left_limit(100)
+    except ValueError:
+        limit = -1.0
+    if limit is not None and not 0 <= limit < float("inf"):
+        yield f"max_left must be a number of samples or a percentage. Got {settings.max_left!r}."
+    if settings.grades.good > settings.grades.fair:
+        yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
+    methods = settings.auto.methods if settings.method == "auto" else (settings.method,)
+    if settings.max_error is not None and not any(SOLVERS[name].TRAITS.error_bars for name in methods):
+        bars = ", ".join(name for name, module in SOLVERS.items() if module.TRAITS.error_bars)
+        got = ", ".join(methods)
+        yield f"max_error must go with a method that gives error bars: {bars}. Got {got}."
+    if not settings.auto.methods:
+        yield "auto.methods must name at least one method. Got none."
+    if settings.method == "auto" and not settings.checks_itself:
+        yield "method auto needs the self-check to compare methods. Set self_check to true or auto. Got false."
+
+
+def _load(path: Path) -> CommentedMap:
+    """Return the content of a YAML file, with line numbers; raise ConfigError if it is no mapping."""
+    try:
+        tree = YAML(typ="rt").load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}, byte {error.start}: a configuration must be UTF-8 text.") from None
+    except YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
+        raise ConfigError(f"{path}{line}: not valid YAML: {problem}.") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: not valid YAML: it is nested too deeply.") from None
+    except ValueError as error:
+        raise ConfigError(f"{path}: not valid YAML: {error}.") from None
+    if tree is None:
+        return CommentedMap()
+    if not isinstance(tree, CommentedMap):
+        raise ConfigError(f"{path}, line 1: a configuration must be a mapping of keys to values.")
+    return tree
+
+
+def _plain(node: Any, budget: Iterator[int]) -> Any:
+    """Return a YAML node as plain dicts, lists and scalars.
+
+    Every node takes one item of ``budget``, because nested aliases can expand a few lines to any number of values.
+    Raises StopIteration when the budget is used up.
+    """
+    next(budget)
+    if isinstance(node, CommentedMap):
+        return {str(key): _plain(value, budget) for key, value in node.items()}
+    if isinstance(node, CommentedSeq):
+        return [_plain(item, budget) for item in node]
+    for scalar in (bool, int, float, str):  # a bool is an int as well, so it comes first
+        if isinstance(node, scalar):
+            return scalar(node)
+    return node
+
+
+def _assign(values: dict[str, Any], assignment: str) -> None:
+    """Set the value that a ``--set`` assignment names; raise ConfigError for a malformed assignment."""
+    name, equals, text = assignment.partition("=")
+    if not equals or not name:
+        raise ConfigError(f"--set must be name=value. Got {assignment!r}.")
+    try:
+        value = YAML(typ="safe", pure=True).load(text) if text else ""
+    except (YAMLError, ValueError, RecursionError):
+        value = text
+    keys = name.split(".") if "." in name else ["methods", str(values.get("method", DEFAULT_METHOD)), name]
+    section = values
+    for key in keys[:-1]:
+        section = section.setdefault(key, {})
+        if not isinstance(section, dict):
+            raise ConfigError(f"--set {assignment}: {key!r} is a value, not a section.")
+    section[keys[-1]] = value
+
+
+def _merged(invalid: ValidationError) -> Iterable[ErrorDetails]:
+    """Return one error per key.
+
+    For a value of several possible types, validation reports one error per type; their messages are joined by "or".
+    """
+    errors: dict[tuple[str, ...], ErrorDetails] = {}
+    for error in invalid.errors(include_url=False):
+        keys = tuple(_keys(error["loc"]))
+        if keys in errors:
+            errors[keys]["msg"] += f" or {error['msg'].removeprefix('Input should be ')}"
+        else:
+            errors[keys] = error
+    return errors.values()
+
+
+def _keys(location: tuple[int | str, ...]) -> Iterator[str]:
+    """Yield the part of an error's location that consists of keys of the settings."""
+    section: Any = Settings
+    for key in location:
+        fields = _fields(section)
+        if fields is None and isinstance(key, str):
+            return  # the name of one of several possible types
+        yield str(key)
+        if not fields or str(key) not in fields:
+            return
+        section = fields[str(key)].annotation
+
+
+def _fields(section: Any) -> Mapping[str, Any] | None:
+    """Return the fields of a section by key; None for the type of a value."""
+    return getattr(section, "model_fields", None) or getattr(section, "__pydantic_fields__", None)
+
+
+def _message(error: ErrorDetails, path: Path | None, tree: CommentedMap) -> str:
+    """Return one line for the user: where the value stands, what it must be and what it is."""
+    keys = list(_keys(error["loc"]))
+    line = _line(tree, keys)
+    source = f"{path}, line {line}" if line else "command line"
+    name = ".".join(keys)
+    if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        section: Any = Settings
+        for key in keys[:-1]:
+            section = (_fields(section) or {})[key].annotation
+        allowed = sorted(_fields(section) or ())
+        similar = get_close_matches(keys[-1], allowed, n=1)
+        hint = f" Did you mean {similar[0]!r}?" if similar else ""
+        return f"{source}: unknown key {name!r}.{hint} Allowed: {', '.join(allowed) or 'none'}."
+    requirement = error["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+    return f"{source}: {name} must be {requirement}. Got {error['input']!r}."
+
+
+def _line(tree: Any, keys: Sequence[str]) -> int | None:
+    """Return the line, from 1, of the value under these keys; None if the file does not set it."""
+    line = None
+    for key in keys:
+        if not isinstance(tree, CommentedMap) or key not in tree:
+            return line if line and not isinstance(tree, CommentedMap) else None
+        line = tree.lc.key(key)[0] + 1
+        tree = tree[key]
+    return line
