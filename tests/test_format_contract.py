@@ -9,6 +9,7 @@ import pytest
 from conftest import capture_files
 
 import mocapclean
+from mocapclean import formats
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import FORMATS
 
@@ -108,14 +109,67 @@ def test_an_input_that_changed_since_reading_is_not_patched(path, tmp_path):
     assert not list(tmp_path.glob(".*"))
 
 
-def test_joints_can_be_exported_as_c3d_and_nothing_else(tmp_path):
+def test_joints_can_be_exported_as_c3d_and_poses_not_to_a_skeleton_of_another_kind(tmp_path):
     take = mocapclean.read(SAMPLES / "walk.bvh")
     mocapclean.write(take, tmp_path / "joints.c3d")
     back = mocapclean.read(tmp_path / "joints.c3d")
     np.testing.assert_array_equal(back.trusted, take.trusted)
     np.testing.assert_allclose(back.positions[take.trusted], take.positions[take.trusted], atol=1e-3)
-    with pytest.raises(UsageError, match="positions alone are not a pose"):
+    with pytest.raises(UsageError, match=r"joints\.amc: the bones of an \.asf skeleton must"):
         mocapclean.write(take, tmp_path / "joints.amc")
+    with pytest.raises(UsageError, match=r"joints\.bvh: a BVH skeleton must"):
+        mocapclean.write(mocapclean.read(SAMPLES / "walk_01.amc"), tmp_path / "joints.bvh")
+    assert {file.name for file in tmp_path.iterdir()} == {"joints.c3d"}
+
+
+@pytest.mark.parametrize("suffix", [".bvh", ".amc"])
+def test_positions_alone_are_not_a_pose(tmp_path, suffix):
+    take = mocapclean.read(SAMPLES / "walk.c3d")
+    with pytest.raises(UsageError, match="positions alone are not a pose"):
+        mocapclean.write(take, tmp_path / f"take{suffix}")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["walk.bvh", "walk_01.amc"])
+def test_a_part_of_a_take_with_poses_becomes_a_new_file(tmp_path, name):
+    take = mocapclean.read(SAMPLES / name)
+    part = take.crop(100, 200)
+    mocapclean.write(part, tmp_path / name)
+    skeleton = formats.declaration(tmp_path / name).skeleton_suffix
+    assert {file.suffix for file in tmp_path.iterdir()} == {Path(name).suffix, skeleton} - {None}
+    back = mocapclean.read(tmp_path / name)
+    assert sorted(back.markers) == sorted(part.markers)
+    columns = [back.markers.index(marker) for marker in part.markers]
+    np.testing.assert_array_equal(back.trusted[:, columns], part.trusted)
+    np.testing.assert_allclose(back.positions[:, columns][part.trusted], part.positions[part.trusted], atol=0.01)
+    assert back.rate == pytest.approx(part.rate)
+
+
+def test_joint_angles_are_fitted_before_a_new_file_is_made(tmp_path):
+    take = mocapclean.read(SAMPLES / "walk_truth.bvh").crop(0, 60)
+    positions, trusted, filled = take.positions.copy(), take.trusted.copy(), take.filled.copy()
+    foot = take.markers.index("LeftFoot")
+    positions[20:30, foot] += 2.0
+    trusted[20:30, foot], filled[20:30, foot] = False, True
+    written = mocapclean.write(replace(take, positions=positions, trusted=trusted, filled=filled), tmp_path / "new.bvh")
+    assert written.filled.sum() == 10
+    back = mocapclean.read(tmp_path / "new.bvh")
+    columns = [back.markers.index(marker) for marker in take.markers]
+    np.testing.assert_allclose(back.positions[:, columns], written.positions, atol=0.01)
+    assert np.linalg.norm(written.positions - take.positions, axis=2)[20:30, foot].min() > 0.1
+
+
+def test_takes_of_a_subject_share_their_skeleton_file(tmp_path):
+    take = mocapclean.read(SAMPLES / "walk_01.amc")
+    for name in ("05_01.amc", "05_02_again.amc"):
+        mocapclean.write(take.crop(0, 9), tmp_path / name)
+    assert {file.name for file in tmp_path.iterdir()} == {"05.asf", "05_01.amc", "05_02_again.amc"}
+    (tmp_path / "05.asf").write_bytes(b"another")
+    with pytest.raises(UsageError, match=r"05\.asf: the output exists already"):
+        mocapclean.write(take.crop(0, 9), tmp_path / "05_03.amc")
+    assert {file.name for file in tmp_path.iterdir()} == {"05.asf", "05_01.amc", "05_02_again.amc"}
+    mocapclean.write(take.crop(0, 9), tmp_path / "05_03.amc", overwrite=True)
+    assert mocapclean.read(tmp_path / "05_03.amc").trusted.shape == (9, len(take.markers))
 
 
 @pytest.mark.parametrize("name", ["take.txt", "take", "take.c3d.gz"])

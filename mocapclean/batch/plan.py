@@ -9,7 +9,7 @@ from mocapclean.batch.journal import Before
 from mocapclean.batch.repairing import Job, inode
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
-from mocapclean.formats import check_output
+from mocapclean.files import check_output
 
 Identity = tuple[int, int]
 

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
+from mocapclean import formats
 from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE
 from mocapclean.config.settings import MILLIMETRES
@@ -21,11 +22,11 @@ from mocapclean.experiments.protocols import EXPERIMENTS, Experiment
 from mocapclean.experiments.published import statements
 from mocapclean.experiments.results import Results
 from mocapclean.experiments.store import Store
-from mocapclean.formats import FORMATS, new_file
+from mocapclean.files import new_file
 from mocapclean.report.text import table
 from mocapclean.take import ReadOptions
 
-_SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
+_SUFFIXES = formats.suffixes()
 
 
 @click.command("bench")
@@ -133,9 +134,7 @@ def _reading(skeleton: Path | None, rate: float | None, unit: str) -> ReadOption
 
 
 def _capture(path: Path, options: ReadOptions) -> Capture:
-    if path.suffix.lower() == ".amc":
-        return Capture(path=path, options=ReadOptions(skeleton=options.skeleton, rate=options.rate or 120.0))
-    return Capture(path=path, options=ReadOptions(unit=options.unit if path.suffix.lower() == ".bvh" else None))
+    return Capture(path=path, options=formats.declaration(path).applicable(options))
 
 
 def _folder(folder: Path, options: ReadOptions) -> list[Capture]:

@@ -17,6 +17,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from mocapclean import formats
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD, Grades
 from mocapclean.errors import MocapcleanError
@@ -171,8 +172,8 @@ def selected(choice: Choice) -> tuple[list[Labelled], list[str]]:
 
 @cache
 def _reason(capture: Capture) -> str:
-    if capture.path.suffix.lower() != ".c3d":
-        return "no C3D"
+    if formats.declaration(capture.path).columns != "markers":
+        return "no markers"
     try:
         return unfit(capture.take)
     except MocapcleanError:

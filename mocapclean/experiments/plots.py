@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean.experiments.results import Figure, Panel
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 
 _WIDTH, _HEIGHT = 5.2, 4.2
 _ROUNDING = 1e-8

@@ -13,7 +13,7 @@ from mocapclean.arrays import Floats
 from mocapclean.errors import UsageError
 from mocapclean.experiments.jobs import Found, Job
 from mocapclean.experiments.results import Results, Row
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 
 KEY = ("take", "source", "method", "variant", "parameters", "cell", "seed")
 

@@ -23,6 +23,7 @@ from mocapclean.dictionaries.dictionary import Dictionary, load
 from mocapclean.errors import MocapcleanError, SolverError, UsageError
 from mocapclean.evaluation import metrics, self_check
 from mocapclean.evaluation.self_check import SelfCheck
+from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.choose import choose, solver
 from mocapclean.pipeline.outcome import Choice, Outcome
@@ -77,7 +78,7 @@ def repair(source: Path, output: Path, settings: Settings, arrays: Path | None =
 
 
 def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:
-    formats.check_output(output, source, settings.overwrite)
+    check_output(output, source, settings.overwrite)
     take, play = examine(source, settings)
     truth = _reference(settings, play) if settings.reference else None
     wanted = _wanted(play, settings)
@@ -171,14 +172,14 @@ def examine(source: Path, settings: Settings) -> tuple[Take, Take]:
 
 
 def _read(source: Path, settings: Settings) -> Take:
-    own_skeleton = formats.format_of(source) == "amc"
+    own_skeleton = formats.needs_skeleton(source)
     options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm}
     if own_skeleton:
         options["skeleton"] = settings.skeleton
     take = formats.read(source, **options)
     exact = [name for name in settings.markers if not set(name) & set("*?[")]
     others = [name for name in exact if not _matches(name, take.markers)]
-    if others and formats.format_of(source) == "c3d":
+    if others and formats.lists_points(source):
         take = formats.read(source, points=others, **options)
     if settings.skeleton and not own_skeleton:
         skeleton = formats.read_skeleton(settings.skeleton, settings.unit_mm)
@@ -247,7 +248,7 @@ def _largest(take: Take) -> float:
 def _reference(settings: Settings, play: Take) -> Take:
     """The true take, brought to the markers in play; unknown ones are untrusted there."""
     assert settings.reference is not None
-    skeleton = settings.skeleton if formats.format_of(settings.reference) == "amc" else None
+    skeleton = settings.skeleton if formats.needs_skeleton(settings.reference) else None
     truth = formats.read(settings.reference, skeleton=skeleton, rate=settings.rate, unit=settings.unit_mm)
     if len(truth.trusted) != len(play.trusted):
         raise UsageError(

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapclean.arrays import Floats
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 from mocapclean.take import Take
 
 STATUS = ("measured", "filled", "left", "distrusted", "moved")

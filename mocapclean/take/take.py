@@ -42,9 +42,9 @@ class Finding:
 class ReadOptions:
     """What a file does not say of itself and its user may.
 
-    skeleton: the .asf of an .amc; rate: Hz, for formats that have none (AMC); unit: millimetres per unit of
-    length, for formats that have none (BVH); points: names of C3D points to read as markers even though the file
-    lists them as something else.
+    skeleton: the file of the skeleton, for formats that keep it apart; rate: Hz, for formats that state none; unit:
+    millimetres per unit of length, for formats that state none; points: names of points to read as markers even though
+    the file lists them as something else.
     """
 
     skeleton: Path | None = None
@@ -76,7 +76,9 @@ class Take:
     filled: (F, M) bool, untrusted samples whose position a solver has supplied since reading; moved: (F, M) bool,
     trusted samples that someone asked to have moved (denoised, exchanged). Writing changes only these two.
     markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of
-    frame 0. skeleton: the joints and bones, if known. The arrays are read-only.
+    frame 0. skeleton: the joints and bones, if known. poses: (F, C) degrees and millimetres, the channels of the
+    skeleton whose joints are the columns, or None; changed samples are in them once they are fitted. The arrays are
+    read-only.
     """
 
     positions: Floats
@@ -87,6 +89,7 @@ class Take:
     moved: Bools = None  # type: ignore[assignment]
     first_frame: int = 1
     skeleton: Skeleton | None = None
+    poses: Floats | None = None
     findings: tuple[Finding, ...] = ()
     origin: Origin | None = None
 
@@ -102,6 +105,13 @@ class Take:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
         for name in ("positions", "trusted", "filled", "moved"):
             object.__setattr__(self, name, _freeze(getattr(self, name)))
+        if self.poses is not None:
+            expected = (shape[0], len(self.skeleton.channels)) if self.skeleton else None
+            if self.poses.shape != expected:
+                raise ValueError(
+                    f"poses must be frames by channels of the skeleton, {expected}. Got {self.poses.shape}."
+                )
+            object.__setattr__(self, "poses", _freeze(self.poses))
 
     @property
     def changed(self) -> Bools:
@@ -126,6 +136,7 @@ class Take:
             filled=self.filled[:, columns],
             moved=self.moved[:, columns],
             markers=tuple(self.markers[c] for c in columns),
+            poses=None,
             origin=None,
         )
 
@@ -140,6 +151,7 @@ class Take:
             moved=self.moved[frames],
             rate=self.rate / step,
             first_frame=self.first_frame + start,
+            poses=None if self.poses is None else self.poses[frames],
             findings=(),
             origin=None,
         )

@@ -21,14 +21,17 @@ from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.c3d.header import BLOCK, MAGIC, Header, read_header
 from mocapclean.formats.c3d.points import choose_markers, count_frames, frame_rate, millimetres_per_unit, point_names
 from mocapclean.formats.c3d.words import INTEL, Raw, Words, present
+from mocapclean.formats.contract import Declaration
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 
-SUFFIXES = (".c3d",)
+DECLARATION = Declaration(
+    suffixes=(".c3d",), columns="markers", stores="positions", marks_missing=True, lists_points=True
+)
 CHUNK = 1 << 18
 
 
 @dataclass(frozen=True, kw_only=True)
-class Document:
+class C3dDocument:
     """Where the samples are in the file, and the bytes before them.
 
     data_start: byte of frame 0. n_words: words per frame. columns: the markers' places among the points, as a
@@ -101,7 +104,7 @@ def read(path: Path, options: ReadOptions) -> Take:
     n_words = 4 * header.n_points + header.n_analog
     n_frames, first_frame, told_frames = count_frames(path, header, n_words * words.raw.itemsize)
     is_run = columns == list(range(columns[0], columns[-1] + 1))
-    document = Document(
+    document = C3dDocument(
         path=path,
         size=header.size,
         head=header.head,
@@ -252,7 +255,7 @@ def _scale(path: Path, header: Header) -> tuple[float, list[Finding]]:
     return usable[0], [Finding(rule="scale", level="warning", message=message, advice=advice)]
 
 
-def _read_samples(document: Document, n_markers: int) -> tuple[Floats, Bools]:
+def _read_samples(document: C3dDocument, n_markers: int) -> tuple[Floats, Bools]:
     positions = np.empty((document.n_frames, n_markers, 3))
     trusted = np.empty((document.n_frames, n_markers), dtype=bool)
     with document.path.open("rb") as file, np.errstate(invalid="ignore"):
@@ -266,9 +269,9 @@ def _read_samples(document: Document, n_markers: int) -> tuple[Floats, Bools]:
     return positions, trusted
 
 
-def _document(take: Take) -> Document:
+def _document(take: Take) -> C3dDocument:
     document = take.origin.document if take.origin else None
-    if not isinstance(document, Document):
+    if not isinstance(document, C3dDocument):
         raise UsageError("a take must come from a C3D file to be written into a copy of it. Got one that does not.")
     shape = document.n_frames, len(document.places())
     if take.trusted.shape != shape:
@@ -279,7 +282,7 @@ def _document(take: Take) -> Document:
     return document
 
 
-def _check_unchanged(document: Document, file: BufferedReader | BufferedRandom) -> None:
+def _check_unchanged(document: C3dDocument, file: BufferedReader | BufferedRandom) -> None:
     size = file.seek(0, 2)
     file.seek(0)
     if size != document.size or file.read(len(document.head)) != document.head:
@@ -299,7 +302,7 @@ def _check_same(before: BufferedReader, after: BufferedReader, start: int, stop:
             raise FormatError(after.name, "what is not a sample must stay as it was. Got other bytes.", byte=at)
 
 
-def _patch(take: Take, document: Document, raw: Raw, start: int, positions: Floats, changed: Bools) -> None:
+def _patch(take: Take, document: C3dDocument, raw: Raw, start: int, positions: Floats, changed: Bools) -> None:
     """Store the changed samples of a run of frames, and set ``positions`` and ``changed`` to what was stored."""
     frames, markers = np.nonzero(changed)
     numbers = positions[frames, markers] / document.factor
@@ -327,12 +330,12 @@ def _patch(take: Take, document: Document, raw: Raw, start: int, positions: Floa
     positions[frames, markers] = stored[:, :3].astype(np.float64) * document.factor
 
 
-def _invalidate(document: Document, raw: Raw, doubted: Bools) -> None:
+def _invalidate(document: C3dDocument, raw: Raw, doubted: Bools) -> None:
     frames, markers = np.nonzero(doubted & present(document.samples(raw)))
     document.points(raw)[frames, document.places()[markers], 3] = document.words.encode(np.array(-1.0))
 
 
-def _check_filled(take: Take, document: Document, path: Path, raw: Raw, start: int, stop: int) -> None:
+def _check_filled(take: Take, document: C3dDocument, path: Path, raw: Raw, start: int, stop: int) -> None:
     """Raise FormatError unless the filled samples of a run of frames are stored as the take has them."""
     frames, markers = np.nonzero(take.changed[start:stop])
     stored = document.words.decode(document.points(raw)[frames, document.places()[markers]])
@@ -350,7 +353,7 @@ def _check_filled(take: Take, document: Document, path: Path, raw: Raw, start: i
         )
 
 
-def _forgive(document: Document, old: Raw, new: Raw, filled: Bools, doubted: Bools) -> None:
+def _forgive(document: C3dDocument, old: Raw, new: Raw, filled: Bools, doubted: Bools) -> None:
     """Make ``old`` equal ``new`` where they may differ: filled samples, and -1 residuals of doubted ones."""
     places = document.places()
     before, after = document.points(old), document.points(new)

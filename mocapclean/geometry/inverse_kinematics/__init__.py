@@ -27,7 +27,7 @@ MARGIN = 0.98  # of the tolerance: the rest is for the spelling of the numbers
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
+class FittedPoses:
     """Refitted poses.
 
     poses: (F, C) degrees and millimetres, NaN where the file has no value and none was needed. changed: (F, C) bool,
@@ -48,7 +48,7 @@ def fit(
     wanted: Bools,
     *,
     tolerance: float = 0.1,
-) -> Fit:
+) -> FittedPoses:
     """Rewrite the joint angles that bring ``wanted`` joints to their targets while ``fixed`` ones stay.
 
     poses: (F, C) degrees and millimetres, NaN where the file has no value. targets: (F, J, 3) millimetres, read
@@ -69,7 +69,7 @@ def fit(
         patience -= 1
     fitted = work.continued()
     changed = work.free & ~(np.abs(fitted - poses) <= 1e-9)
-    return Fit(poses=np.where(changed, fitted, poses), changed=changed, fitted=work.wanted)
+    return FittedPoses(poses=np.where(changed, fitted, poses), changed=changed, fitted=work.wanted)
 
 
 class _Fitting:
