@@ -1,4 +1,4 @@
-"""The laws of every format, over the samples and over every real capture."""
+"""The laws of every format, over the samples, a format made for the test, and every real capture."""
 
 import shutil
 from dataclasses import replace
@@ -7,15 +7,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import capture_files
+from toy_format import ToyFormat
 
 import mocapclean
 from mocapclean import formats
+from mocapclean.config.settings import Settings
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import FORMATS
+from mocapclean.pipeline.repair import repair
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
 EVERY_SAMPLE = sorted(p for p in SAMPLES.iterdir() if p.suffix[1:] in FORMATS)
 EVERY_CAPTURE = [path for kind in FORMATS for path in capture_files(kind)]
+
+
+TOY = Path("toy")
+MAIN = [*EVERY_SAMPLE, TOY]
+
+
+@pytest.fixture
+def path(request, tmp_path_factory, monkeypatch):
+    """A file to hold the laws against; that of the toy format is created by the public function."""
+    if request.param is not TOY:
+        return request.param
+    monkeypatch.setitem(FORMATS, "toy", ToyFormat())
+    created = tmp_path_factory.mktemp("toy") / "walk.toy"
+    mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), created)
+    return created
 
 
 def read_or_skip(path):
@@ -25,7 +43,7 @@ def read_or_skip(path):
         pytest.skip(f"refused: {refused}")
 
 
-@pytest.mark.parametrize("path", EVERY_SAMPLE + EVERY_CAPTURE, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", MAIN + EVERY_CAPTURE, ids=lambda p: p.name, indirect=True)
 def test_a_take_keeps_the_promises_of_its_record(path):
     take = read_or_skip(path)
     assert np.isfinite(take.positions[take.trusted]).all()
@@ -36,7 +54,7 @@ def test_a_take_keeps_the_promises_of_its_record(path):
     assert take.origin.path == path
 
 
-@pytest.mark.parametrize("path", EVERY_SAMPLE + EVERY_CAPTURE, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", MAIN + EVERY_CAPTURE, ids=lambda p: p.name, indirect=True)
 def test_read_then_write_gives_identical_bytes(path, tmp_path):
     take = read_or_skip(path)
     written = mocapclean.write(take, tmp_path / path.name)
@@ -44,7 +62,7 @@ def test_read_then_write_gives_identical_bytes(path, tmp_path):
     np.testing.assert_array_equal(written.positions, take.positions)
 
 
-@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
 def test_filled_samples_come_back_as_reported_and_nothing_else_moves(path, tmp_path, rng):
     take = mocapclean.read(path)
     frame, marker = len(take.trusted) // 2, len(take.markers) - 3
@@ -64,6 +82,59 @@ def test_filled_samples_come_back_as_reported_and_nothing_else_moves(path, tmp_p
     np.testing.assert_array_equal(back.positions[untouched], take.positions[untouched])
 
 
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
+def test_distrusted_samples_are_marked_missing_where_the_format_has_a_mark(path, tmp_path):
+    take = mocapclean.read(path)
+    trusted = take.trusted.copy()
+    trusted[3:6, 2] = False
+    out = tmp_path / path.name
+    mocapclean.write(replace(take, trusted=trusted), out, invalidate=True)
+    back = mocapclean.read(out, skeleton=SAMPLES / "walk.asf")
+    if formats.declaration(path).marks_missing:
+        np.testing.assert_array_equal(back.trusted, trusted)
+    else:
+        assert out.read_bytes() == path.read_bytes()
+
+
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
+def test_a_file_that_differs_elsewhere_is_not_proven(path, tmp_path):
+    take = mocapclean.read(path)
+    module = FORMATS[formats.format_of(path)]
+    out = tmp_path / path.name
+    written = module.write(take, out)
+    module.prove(written, out)
+    content = bytearray(out.read_bytes())
+    content[-3] ^= 1
+    out.write_bytes(content)
+    with pytest.raises(FormatError):
+        module.prove(written, out)
+
+
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
+def test_a_declaration_is_true(path):
+    facts = formats.declaration(path)
+    take = mocapclean.read(path)
+    assert path.suffix in facts.suffixes
+    assert formats.suffixes().count(path.suffix) == 1
+    assert (facts.columns == "joints") == (take.skeleton is not None and take.markers == take.skeleton.names)
+    assert (facts.stores == "poses") == (take.poses is not None)
+    assert formats.needs_skeleton(path) == (formats.companion(path) is not None)
+    assert facts.default_rate in (None, take.rate)
+    rules = {finding.rule for finding in take.findings}
+    assert ("units" in rules) == (facts.default_unit is not None)
+    assert ("rate" in rules) == (facts.default_rate is not None)
+
+
+def test_a_toy_take_is_repaired_by_the_command(tmp_path, monkeypatch):
+    monkeypatch.setitem(FORMATS, "toy", ToyFormat())
+    mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), tmp_path / "walk.toy")
+    outcome = repair(tmp_path / "walk.toy", tmp_path / "out.toy", Settings(method="linear", self_check=False))
+    assert (outcome.status, outcome.format) == ("repaired", "toy")
+    before, after = mocapclean.read(tmp_path / "walk.toy"), mocapclean.read(tmp_path / "out.toy")
+    np.testing.assert_array_equal(after.positions[before.trusted], before.positions[before.trusted])
+    assert after.trusted.sum() > before.trusted.sum()
+
+
 def test_a_moved_sample_of_a_c3d_stays_a_measured_one(tmp_path):
     path = SAMPLES / "walk_truth.c3d"
     take = mocapclean.read(path)
@@ -79,7 +150,7 @@ def test_a_moved_sample_of_a_c3d_stays_a_measured_one(tmp_path):
     np.testing.assert_allclose(back.positions[7, 5], positions[7, 5], atol=1e-4)
 
 
-@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
 def test_the_input_is_never_the_output(path, tmp_path):
     copy = tmp_path / path.name
     shutil.copy(path, copy)
@@ -92,7 +163,7 @@ def test_the_input_is_never_the_output(path, tmp_path):
     assert copy.read_bytes() == path.read_bytes()
 
 
-@pytest.mark.parametrize("path", EVERY_SAMPLE, ids=lambda p: p.name)
+@pytest.mark.parametrize("path", MAIN, ids=lambda p: p.name, indirect=True)
 def test_an_input_that_changed_since_reading_is_not_patched(path, tmp_path):
     copy = tmp_path / path.name
     shutil.copy(path, copy)
