@@ -1,4 +1,4 @@
-"""A performance: one take of the figure as markers, as a BVH motion and as an ASF/AMC motion, all of one truth."""
+"""A performance: one motion of the figure as markers, and as poses of its BVH and of its ASF skeleton."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ MOTIONS: dict[str, Callable[[int, float, np.random.Generator], tuple[Floats, dic
 
 @dataclass(frozen=True, kw_only=True)
 class Performance:
-    """What the figure did, without a gap.
+    """A motion of the figure, without a gap.
 
     markers: 41 markers in millimetres, z up, x where the figure faces at rest, y to its left (as C3D files usually
     are). bvh, bvh_poses and asf, asf_poses: the same bones (F, C), degrees and millimetres, y up, z forward, x to

@@ -1,4 +1,4 @@
-"""AMC and ASF: what is read, what stays as it was, what is refused; over real captures and made-up variants."""
+"""AMC and ASF: reading, unchanged bytes and refusals, over real captures and made-up variants."""
 
 import re
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""BVH: what is read, what stays as it was, what is refused; over real captures and made-up variants."""
+"""BVH: reading, unchanged bytes and refusals, over real captures and made-up variants."""
 
 import re
 import subprocess
@@ -88,7 +88,7 @@ def load(path: Path, **options: float) -> Take:
 
 
 def refused(folder: Path, old: bytes, new: bytes) -> FormatError:
-    """The error for the small file with its first ``old`` replaced."""
+    """Return the error for the small file with its first ``old`` replaced."""
     assert old in TEXT
     with pytest.raises(FormatError) as caught:
         load(save(folder, TEXT.replace(old, new, 1)))
@@ -96,7 +96,7 @@ def refused(folder: Path, old: bytes, new: bytes) -> FormatError:
 
 
 def filling(take: Take, joint: str, frames: slice, shift: float) -> Take:
-    """The take with one joint distrusted, then filled somewhat beside where it was."""
+    """Return the take with one joint filled at a distance from where it was."""
     filled, positions = take.filled.copy(), take.positions.copy()
     column = take.markers.index(joint)
     filled[frames, column] = True
@@ -340,7 +340,7 @@ def test_missing_joint_is_filled_and_other_nan_stay(tmp_path: Path, small: Path)
 
 
 @pytest.mark.parametrize("moved", [0.0, 5.0])
-def test_joint_that_cannot_be_fitted_is_left_and_told(
+def test_joint_that_cannot_be_fitted_is_left_and_reported(
     tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch, moved: float
 ) -> None:
     def unfit(
@@ -357,8 +357,8 @@ def test_joint_that_cannot_be_fitted_is_left_and_told(
     assert not written.filled.any()
     assert written.trusted.sum() == take.trusted.sum() - 2
     np.testing.assert_allclose(written.positions, load(small).positions, atol=1e-9)
-    told = [finding for finding in written.findings if finding.rule == "fit"]
-    assert [(f.marker, f.frames, f.level) for f in told] == [("Left Leg", (1, 3), "warning")]
+    reported = [finding for finding in written.findings if finding.rule == "fit"]
+    assert [(f.marker, f.frames, f.level) for f in reported] == [("Left Leg", (1, 3), "warning")]
     assert out.read_bytes() == TEXT
     bvh.prove(written, out)
 
