@@ -100,17 +100,17 @@ def _line(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> No
 
 
 def _encode(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
-    content = bytes(content)
-    kinds = (
-        lambda: b"\xef\xbb\xbf" + content,
-        lambda: content.replace(b"\n", b"\r\n"),
-        lambda: content.replace(b"\n", b"\r"),
-        lambda: content.decode("latin-1").encode("utf-16"),
-        lambda: content.replace(b" ", b"\t"),
-        lambda: content.upper(),
-        lambda: content.replace(b".", b","),
+    text = bytes(content)
+    encodings = (
+        lambda: b"\xef\xbb\xbf" + text,
+        lambda: text.replace(b"\n", b"\r\n"),
+        lambda: text.replace(b"\n", b"\r"),
+        lambda: text.decode("latin-1").encode("utf-16"),
+        lambda: text.replace(b" ", b"\t"),
+        lambda: text.upper(),
+        lambda: text.replace(b".", b","),
     )
-    content[:] = rng.choice(kinds)()
+    content[:] = rng.choice(encodings)()
 
 
 def _token(rng: random.Random, content: bytearray, pattern: bytes, new: bytes) -> None:

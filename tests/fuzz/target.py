@@ -16,7 +16,7 @@ from mocapclean.pipeline.repair import repair
 from tests.fuzz.mutate import mutate
 
 SECONDS = 5.0
-"""Processor seconds that an input may take; chosen by hand, a hundred times what one of this size needs."""
+"""Processor seconds that an input may take; chosen by hand."""
 LARGEST = 400_000
 """Bytes of the largest file that is mutated."""
 LONGEST = 600
@@ -70,7 +70,7 @@ class Fuzz:
         """Do nothing: what a lost process leaves is in a temporary folder."""
 
     def input(self, seed: int, place: Path) -> Path:
-        """Return the mutated file of a seed, in a folder; it is made from the smaller of two files, to try more inputs."""
+        """Return the mutated file of a seed, in a folder, made from the smaller of two files to save time."""
         rng = random.Random(seed)
         kind = rng.choice(("c3d", "c3d", "bvh", "amc"))
         kinds = (kind, "asf") if kind == "amc" else (kind,)
