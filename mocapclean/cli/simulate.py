@@ -46,17 +46,17 @@ def command(
 ) -> int:
     """Write simulated takes, each with gaps and as the whole truth (NAME_truth), as C3D, BVH and AMC with ASF.
 
-    With --faults the markers of NAME.c3d have faults as well, and NAME_faults.csv says which: kind,marker,first,last.
+    With --faults the markers of NAME.c3d have faults as well, and NAME_faults.csv lists them: kind,marker,first,last.
     """
     try:
         out_dir.mkdir(parents=True, exist_ok=True)
     except OSError as fault:
         raise UsageError(f"{out_dir}: the folder cannot be made: {fault.strerror}.") from None
-    kinds = [] if faults in (None, "all") else [kind.strip() for kind in str(faults).split(",") if kind.strip()]
+    chosen = [] if faults in (None, "all") else [kind.strip() for kind in str(faults).split(",") if kind.strip()]
     for name in motion or MOTIONS:
         performance = perform(name, seconds, rate, seed)
         injected = inject(
-            performance.markers, np.random.default_rng([seed, 2]), kinds, fault_rate if faults else 0.0, fault_size
+            performance.markers, np.random.default_rng([seed, 2]), chosen, fault_rate if faults else 0.0, fault_size
         )
         if stated_as:
             positions = injected.take.positions / MILLIMETRES[stated_as]

@@ -49,7 +49,7 @@ def declaration(path: Path) -> Declaration:
 
 
 def needs_skeleton(path: Path) -> bool:
-    """Whether the skeleton of a take lies in a file of its own, which must be found or given to read the take."""
+    """Whether the skeleton of a take is in a file of its own, which reading the take needs."""
     return declaration(path).skeleton_suffix is not None
 
 
@@ -74,7 +74,7 @@ def read(
 ) -> Take:
     """Return the take of a capture file.
 
-    skeleton: the .asf of an .amc, where it does not lie beside it. rate: frames per second, for files that do not
+    skeleton: the .asf of an .amc, where it is not in its folder. rate: frames per second, for files that do not
     state it. unit: millimetres per unit of length, for BVH. points: C3D points that are not markers, to be read as
     such. Raises FormatError with the place of the fault; UsageError for points that the file does not have.
     """

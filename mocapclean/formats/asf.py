@@ -34,7 +34,7 @@ CMU_LENGTH = 0.45
 CMU_UNIT = INCH / CMU_LENGTH
 """Millimetres per unit of length in the CMU database: 56.44."""
 SEARCHED_BYTES = 4096
-"""Bytes in which a keyword of ASF shows that a text is a skeleton: room for comments before it. Chosen by hand."""
+"""Bytes in which a keyword of ASF shows that a text is a skeleton: comments may come before it. Chosen by hand."""
 
 SECTIONS = (b":root", b":bonedata", b":hierarchy")
 ORDER = re.compile(r"(?!.*(.).*\1)[xyz]{3}")
@@ -273,7 +273,7 @@ def _tree(path: Path, bones: list[_Bone], hierarchy: list[Line]) -> Skeleton:
         stack += reversed(children.get(names[-1], []))
     if len(names) != len(bones):
         loose = min(known.keys() - set(names))
-        raise FormatError(path, f"every bone must hang on the root. Got {loose!r} that does not.")
+        raise FormatError(path, f"every bone must be connected to the root. Got {loose!r} that is not.")
     joint_of = {name: joint for joint, name in enumerate(names)}
     channels = [
         Channel(joint=joint, axis=axis, is_rotation=is_rotation)

@@ -135,7 +135,7 @@ def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, lis
     stride: bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any
     count is reached.
     """
-    held, rest = divmod(header.size - header.data_start, stride)
+    n_whole, rest = divmod(header.size - header.data_start, stride)
     trial_start, trial_stop = (
         _long(header.parameters.numbers(f"TRIAL:ACTUAL_{end}_FIELD")) for end in ("START", "END")
     )
@@ -146,22 +146,22 @@ def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, lis
         "POINT:FRAMES": _long(header.parameters.numbers("POINT:FRAMES")[:1]),
     }
     counts = {place: count for place, count in counts.items() if count > 0}
-    exact = [n for n in counts.values() if 0 <= (held - n) * stride + rest <= BLOCK]
+    exact = [n for n in counts.values() if 0 <= (n_whole - n) * stride + rest <= BLOCK]
     least = MOST_COUNT + 1 if max(counts.values(), default=0) > MOST_COUNT else 1
-    fitting = exact or [n for n in counts.values() if least <= n <= held]
+    fitting = exact or [n for n in counts.values() if least <= n <= n_whole]
     stated = ", ".join(f"{place} has {count}" for place, count in counts.items())
-    if not counts or (not fitting and held == 0):
+    if not counts or (not fitting and n_whole == 0):
         raise FormatError(
             path, f"a take must have frames. Got none: {stated or 'no place names any'}.", byte=FRAMES_BYTE
         )
     if not fitting and rest:
         raise FormatError(
             path,
-            f"the file must hold all its frames. Got {held} and a part of one more, while {stated}; it was cut off: "
+            f"the file must hold all its frames. Got {n_whole} and a part of one more, while {stated}; it was cut off: "
             "get it again from its source.",
-            byte=header.data_start + held * stride,
+            byte=header.data_start + n_whole * stride,
         )
-    count = fitting[0] if fitting else held
+    count = fitting[0] if fitting else n_whole
     is_trial = counts.get("TRIAL:ACTUAL_END_FIELD") == count
     first_frame = trial_start if is_trial else header.first_frame
     if not fitting:
@@ -169,7 +169,7 @@ def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, lis
         return count, first_frame, [Finding(rule="frames", level="warning", message=message)]
     if exact and len(set(counts.values())) == 1:
         return count, first_frame, []
-    message = f"{count} frames were read; the file holds bytes for {held}, and {stated}."
+    message = f"{count} frames were read; the file holds bytes for {n_whole}, and {stated}."
     return count, first_frame, [Finding(rule="frames", level="info" if exact else "warning", message=message)]
 
 

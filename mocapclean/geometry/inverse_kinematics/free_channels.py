@@ -47,11 +47,11 @@ class _ChannelSearch:
         lead = self._coincident_ancestor(joint)
         row[self.shifts[lead]] = True
         chain = self._chain(lead, PLACING_FREEDOMS + self.extra)
-        if not chain:  # a root: it moves by its shifts, and all below it is held
+        if not chain:  # a root: it moves by its shifts, and all below it stays in place
             self._free_below(lead, HOLDING_FREEDOMS + self.extra, row)
         for node in chain:
             row[self.turns[node]] = True
-            # Subtrees off the chain are turned back: fully where they hang on the joint itself, else in direction.
+            # Subtrees off the chain are turned back: in place where they start at the joint itself, else in direction.
             for child in set(self.children[node]).difference(chain):
                 freedoms = HOLDING_FREEDOMS if lead in (node, child) else PLACING_FREEDOMS
                 self._free_below(child, freedoms + self.extra, row)
