@@ -45,7 +45,7 @@ def peak(action: Callable[[], object]) -> int:
     return highest
 
 
-def plain_read(path: Path, document: c3d.Document) -> np.ndarray:
+def plain_read(path: Path, document: c3d.C3dDocument) -> np.ndarray:
     """The points of a file by the shortest way that numpy offers; for DEC without its conversion."""
     order = document.words.raw.byteorder.replace("=", "<").replace("|", "<")
     kind = f"{order}f4" if document.words.is_float else f"{order}i2"

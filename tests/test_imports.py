@@ -26,6 +26,7 @@ ORDER = (
     "geometry",
     "numerics",
     "arrays",
+    "files",
     "parameters",
     "errors",
 )

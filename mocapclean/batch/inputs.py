@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mocapclean.errors import UsageError
-from mocapclean.formats import FORMATS
+from mocapclean.formats import suffixes
 
-SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
+SUFFIXES = suffixes()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,7 +9,7 @@ from mocapclean.batch.journal import EarlierOutput
 from mocapclean.batch.repairing import RepairJob, inode
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
-from mocapclean.formats import check_output
+from mocapclean.files import check_output
 
 FileIdentity = tuple[int, int]
 """Device and inode of a file; (0, 0) if it does not exist."""

@@ -14,7 +14,8 @@ from mocapclean import __version__
 from mocapclean.batch.journal import EarlierOutput
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError
-from mocapclean.formats import check_output, companion, discard_parts, new_file
+from mocapclean.files import check_output, discard_parts, new_file
+from mocapclean.formats import companion
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.repair import digest, repair
 from mocapclean.report import record

@@ -10,6 +10,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
+from mocapclean import formats
 from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE, millimetres
 from mocapclean.dictionaries.dictionary import load
@@ -20,14 +21,11 @@ from mocapclean.experiments.published import statements
 from mocapclean.experiments.results import Results
 from mocapclean.experiments.store import Store
 from mocapclean.experiments.trials import Capture, Request, Trial
-from mocapclean.formats import FORMATS, new_file
+from mocapclean.files import new_file
 from mocapclean.report.text import table
 from mocapclean.take import ReadOptions
 
-_AMC_RATE = 120.0
-"""Frames per second of the CMU's AMC files; the format stores no rate."""
-
-_SUFFIXES = tuple(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
+_SUFFIXES = formats.suffixes()
 
 
 @click.command("bench")
@@ -132,10 +130,8 @@ def _run(trials: Sequence[Trial], store: Store) -> int:
 
 
 def _capture(path: Path, options: ReadOptions) -> Capture:
-    """Return a file with the options of its format."""
-    if path.suffix.lower() == ".amc":
-        return Capture(path=path, options=ReadOptions(skeleton=options.skeleton, rate=options.rate or _AMC_RATE))
-    return Capture(path=path, options=ReadOptions(unit=options.unit if path.suffix.lower() == ".bvh" else None))
+    """Return a file with the options that its format takes."""
+    return Capture(path=path, options=formats.declaration(path).applicable(options))
 
 
 def _folder(folder: Path, options: ReadOptions) -> list[Capture]:

@@ -14,7 +14,7 @@ from mocapclean.cli.guard import complain, guarded
 from mocapclean.cli.options import FILE, reading, resolve_settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.formats import check_output, new_file
+from mocapclean.files import check_output, new_file
 from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
 from mocapclean.report.junit import junit

@@ -21,7 +21,7 @@ from mocapclean.cli.guard import INTERRUPTED, complain, guarded
 from mocapclean.cli.options import FILE, reading, resolve_settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.report import record
 from mocapclean.report.text import totals

@@ -1,20 +1,21 @@
 """``mocapclean simulate``: write simulated takes with gaps, faults and the truth, in all three formats."""
 
 import csv
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import click
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean import formats
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE
 from mocapclean.config.settings import MILLIMETRES
 from mocapclean.errors import UsageError
-from mocapclean.formats import amc, bvh, c3d, check_output, new_file
+from mocapclean.files import check_output, new_file
 from mocapclean.simulate import FAULTS, MOTIONS, Injected, Performance, hide, inject, lose_channels, occlude, perform
+from mocapclean.take import Take
+from mocapclean.take.posed import posed_take
 
 
 @click.command("simulate")
@@ -80,37 +81,40 @@ def _write(
     overwrite: bool,
     with_faults: bool,
 ) -> list[Path]:
-    """Write all files of a performance into a folder, and return their paths."""
+    """Write the files of one motion; return their paths."""
+    name = performance.name
+    takes = _takes(performance, injected, missing, rng)
+    skeleton = folder / f"{name}.asf"
+    faults = folder / f"{name}_faults.csv"
+    paths = [skeleton, *(folder / file for file in takes), *([faults] if with_faults else [])]
+    for path in paths:
+        check_output(path, None, overwrite)
+    for file, take in takes.items():
+        formats.write(take, folder / file, overwrite=overwrite)
+    if with_faults:
+        with new_file(faults) as part:
+            _write_faults(injected, part)
+    return paths
+
+
+def _takes(performance: Performance, injected: Injected, missing: float, rng: np.random.Generator) -> dict[str, Take]:
+    """Return the takes of one motion by file name: the complete take and one with gaps, in each format."""
     name, rate = performance.name, performance.rate
     with_gaps = hide(injected.take, occlude(performance.markers, rng, missing))
     bvh_with_gaps = lose_channels(performance.bvh, performance.bvh_poses, rng)
     asf_with_gaps = lose_channels(performance.asf, performance.asf_poses, rng)
-    asf = folder / f"{name}.asf"
-
-    def motion(poses: Floats) -> Callable[[Path], None]:
-        return lambda part: amc.create(performance.asf, poses, part, asf)
-
-    writers: dict[str, Callable[[Path], None]] = {
-        f"{name}_truth.c3d": lambda part: c3d.create(performance.markers, part),
-        f"{name}.c3d": lambda part: c3d.create(with_gaps, part),
-        f"{name}_truth.bvh": lambda part: bvh.create(performance.bvh, performance.bvh_poses, rate, part),
-        f"{name}.bvh": lambda part: bvh.create(performance.bvh, bvh_with_gaps, rate, part),
-        f"{name}_01_truth.amc": motion(performance.asf_poses),
-        f"{name}_01.amc": motion(asf_with_gaps),
+    return {
+        f"{name}_truth.c3d": performance.markers,
+        f"{name}.c3d": with_gaps,
+        f"{name}_truth.bvh": posed_take(performance.bvh, performance.bvh_poses, rate),
+        f"{name}.bvh": posed_take(performance.bvh, bvh_with_gaps, rate),
+        f"{name}_01_truth.amc": posed_take(performance.asf, performance.asf_poses, rate),
+        f"{name}_01.amc": posed_take(performance.asf, asf_with_gaps, rate),
     }
-    if with_faults:
-        writers[f"{name}_faults.csv"] = lambda part: _write_faults(injected, part)
-    paths = [folder / file for file in writers]
-    for path in (asf, *paths):
-        check_output(path, None, overwrite)
-    for path, write in zip(paths, writers.values(), strict=True):
-        with new_file(path) as part:
-            write(part)
-    return [asf, *paths]
 
 
 def _write_faults(injected: Injected, path: Path) -> None:
-    """Write the faults as CSV, one line per marker of each fault, with the file's frame numbers, inclusive."""
+    """Write the faults: a line for each marker of each event, in the file's own frame numbers, inclusive."""
     take = injected.take
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")

@@ -18,6 +18,7 @@ from mocapclean.cli.options import FILE, millimetres
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import Params, n_steps, train
 from mocapclean.errors import UsageError
+from mocapclean.files import check_output, new_file
 from mocapclean.parameters import about
 from mocapclean.take import Take
 
@@ -77,7 +78,7 @@ def command(
     if output.suffix.lower() != ".npz":
         raise UsageError(f"{output}: the name of a dictionary must end in .npz.")
     for kept in (*files, skeleton, body_parts):
-        formats.check_output(output, kept, overwrite)
+        check_output(output, kept, overwrite)
     takes = [
         _without(formats.read(f, **_options(f, skeleton, rate, unit)), exclude)
         for f in tqdm(files, "read", disable=None)
@@ -85,7 +86,7 @@ def command(
     parts = _read_parts(body_parts) if body_parts else known_parts(takes[0].markers)
     with tqdm(total=n_steps(parts, params), desc="train", disable=None) as bar:
         dictionary = train(takes, parts, params, seed, bar.update)
-    with formats.new_file(output) as part:
+    with new_file(output) as part:
         dictionary.save(part)
     sizes = ", ".join(f"{name} {len(atoms)}" for name, atoms in dictionary.atoms.items())
     click.echo(
@@ -97,7 +98,7 @@ def command(
 
 def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
     """Yield the files, and the takes directly in the folders, sorted; raise UsageError for a folder without takes."""
-    suffixes = {suffix for module in formats.FORMATS.values() for suffix in module.SUFFIXES}
+    suffixes = formats.suffixes()
     for path in inputs:
         if not path.is_dir():
             yield path
@@ -111,7 +112,7 @@ def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
 def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:
     """Return the options with which a take is read."""
     return {
-        "skeleton": skeleton if formats.format_of(path) == "amc" else None,
+        "skeleton": skeleton if formats.needs_skeleton(path) else None,
         "rate": rate,
         "unit": millimetres(unit),
     }

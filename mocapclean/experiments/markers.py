@@ -17,6 +17,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from mocapclean import formats
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD, Grades
 from mocapclean.errors import MocapcleanError
@@ -185,8 +186,8 @@ def selected(request: Request) -> tuple[list[Labelled], list[str]]:
 @cache
 def _reason(capture: Capture) -> str:
     """Return why a capture is not run; empty if it is run."""
-    if capture.path.suffix.lower() != ".c3d":
-        return "not C3D"
+    if formats.declaration(capture.path).columns != "markers":
+        return "no markers"
     try:
         return reason_to_skip(capture.take)
     except MocapcleanError:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean.experiments.results import Figure, Panel
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 
 _PANEL_WIDTH = 5.2  # inches
 _PANEL_HEIGHT = 4.2  # inches

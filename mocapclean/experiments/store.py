@@ -13,7 +13,7 @@ from mocapclean.arrays import Floats
 from mocapclean.errors import UsageError
 from mocapclean.experiments.results import Results, Row
 from mocapclean.experiments.trials import Trial, TrialResult
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 
 KEY_COLUMNS = ("take", "source", "method", "variant", "parameters", "cell", "seed")
 

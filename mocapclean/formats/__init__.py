@@ -1,45 +1,67 @@
-"""Capture files: one module per format, one literal registry, one way to read and to write.
+"""Capture files: one module per format, one literal registry, one function to read and one to write.
 
-A format module has
-
-- ``SUFFIXES``: lower-case file name endings;
-- ``sniff(head)``: whether the first 512 bytes of a file look like this format;
-- ``read(path, options)``: the Take, with the document kept in ``take.origin`` so that nothing is lost;
-- ``write(take, path, *, invalidate=False)``: copies the kept document to ``path`` (a temporary name, never the
-  input) with the ``filled`` samples replaced, and returns the Take as the new file holds it: positions as stored,
-  ``filled`` reduced to what the format could express, findings that tell the difference. With ``invalidate``
-  samples neither trusted nor filled are marked missing, where the format has such a mark;
-- ``prove(take, path)``: reads ``path`` back and raises FormatError unless it holds just what ``take`` (the return
-  of ``write``) says and is identical to the kept document everywhere else;
-- ``create(take, path)``: a brand-new file from a take that was never in one.
+A module of ``FORMATS`` keeps the contract of ``formats.contract``: a declaration of facts, and the functions ``sniff``,
+``read``, ``write``, ``prove`` and ``create``. Whoever needs a fact about a format asks its declaration.
 """
 
-import contextlib
-import glob
-import hashlib
-import os
-import secrets
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from pathlib import Path
-from types import ModuleType
 
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats import amc, bvh, c3d
+from mocapclean.files import check_output, new_file
+from mocapclean.formats import amc, asf, bvh, c3d
+from mocapclean.formats.contract import Declaration, Format
+from mocapclean.formats.fitting import fit_poses
+from mocapclean.formats.skeleton_files import find_skeleton, new_skeleton_path
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import ReadOptions, Take
 
-FORMATS: dict[str, ModuleType] = {"c3d": c3d, "bvh": bvh, "amc": amc}
+FORMATS: dict[str, Format] = {"c3d": c3d, "bvh": bvh, "amc": amc}
+
+SNIFFED_BYTES = 512
+"""Bytes of a file that ``sniff`` is given: one block of a C3D file."""
+
+
+def suffixes() -> tuple[str, ...]:
+    """Return the lower-case suffixes of all formats."""
+    return tuple(suffix for module in FORMATS.values() for suffix in module.DECLARATION.suffixes)
 
 
 def format_of(path: Path) -> str:
-    """The name of the format that a path's suffix stands for; raises FormatError for any other suffix."""
+    """Return the name of the format that a path's suffix stands for; raise FormatError for any other suffix."""
+    suffix = path.suffix.lower()
     for name, module in FORMATS.items():
-        if path.suffix.lower() in module.SUFFIXES:
+        if suffix in module.DECLARATION.suffixes:
             return name
-    if path.suffix.lower() == ".asf":
-        raise FormatError(path, "an .asf file is a skeleton, not a take. Give the .amc file that goes with it.")
-    known = ", ".join(suffix for module in FORMATS.values() for suffix in module.SUFFIXES)
+        if suffix == module.DECLARATION.skeleton_suffix:
+            take = module.DECLARATION.suffixes[0]
+            raise FormatError(
+                path, f"an {suffix} file is a skeleton, not a take. Give the {take} file that goes with it."
+            )
+    known = ", ".join(suffixes())
     raise FormatError(path, f"the file name must end in one of {known}. Got {path.suffix or 'no suffix'!r}.")
+
+
+def declaration(path: Path) -> Declaration:
+    """Return the declaration of the format of a path; raise FormatError for a suffix of no format."""
+    return FORMATS[format_of(path)].DECLARATION
+
+
+def needs_skeleton(path: Path) -> bool:
+    """Whether the skeleton of a take is in a file of its own, which reading the take needs."""
+    return declaration(path).skeleton_suffix is not None
+
+
+def lists_points(path: Path) -> bool:
+    """Whether a file may hold points that are no markers, which ``read`` takes as such when they are named."""
+    return declaration(path).lists_points
+
+
+def companion(path: Path) -> Path | None:
+    """Return the skeleton file beside ``path`` that reading ``path`` reads too; raise FormatError if it is missing."""
+    suffix = declaration(path).skeleton_suffix
+    return find_skeleton(path, suffix) if suffix else None
 
 
 def read(
@@ -50,38 +72,32 @@ def read(
     unit: float | None = None,
     points: Sequence[str] = (),
 ) -> Take:
-    """Read a capture file as a Take.
+    """Return the take of a capture file.
 
-    skeleton: the .asf of an .amc, where it does not lie beside it. rate: frames per second, for files that do not
-    say. unit: millimetres per unit of length, for BVH. points: C3D points that are not markers, to be read as such.
-    Raises FormatError with the place of the fault; UsageError for points that the file does not have.
+    skeleton: the .asf of an .amc, where it is not in its folder. rate: frames per second, for files that do not
+    state it. unit: millimetres per unit of length, for BVH. points: C3D points that are not markers, to be read as
+    such. Raises FormatError with the place of the fault; UsageError for points that the file does not have.
     """
     path = Path(path)
     module = FORMATS[format_of(path)]
     options = ReadOptions(skeleton=Path(skeleton) if skeleton else None, rate=rate, unit=unit, points=tuple(points))
     try:
         with path.open("rb") as file:
-            head = file.read(512)
+            head = file.read(SNIFFED_BYTES)
         if not head:
             raise FormatError(path, "the file is empty.")
         if not module.sniff(head):
             raise FormatError(path, f"the content is not {path.suffix.lower()[1:].upper()}.", byte=0)
-        take: Take = module.read(path, options)
+        return module.read(path, options)
     except OSError as fault:
         raise FormatError(path, f"cannot be read: {fault.strerror or fault}.") from None
-    return take
-
-
-def companion(path: Path) -> Path | None:
-    """The other file that reading ``path`` reads too: the .asf beside an .amc; FormatError where it is not there."""
-    return amc.find_asf(path) if format_of(path) == "amc" else None
 
 
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
-    """Read the joints and bones of an .asf or a .bvh file; unit: millimetres per unit of length, for BVH."""
+    """Return the joints and bones of an .asf or a .bvh file; unit: millimetres per unit of length, for BVH."""
     readers: dict[str, Callable[[], Skeleton]] = {
-        ".asf": lambda: amc.read_skeleton(path),
-        ".bvh": lambda: bvh.read_skeleton(path, unit),
+        asf.SUFFIX: lambda: asf.read_skeleton(path),
+        **dict.fromkeys(bvh.DECLARATION.suffixes, lambda: bvh.read_skeleton(path, unit)),
     }
     if path.suffix.lower() not in readers:
         raise UsageError(f"{path}: a skeleton must be an .asf or a .bvh file.")
@@ -92,67 +108,58 @@ def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
 
 
 def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: bool = False) -> Take:
-    """Write a take to a new file, complete and proven, or not at all; returns it as the file now holds it.
+    """Write a take to a new file, complete and proven, or not at all; return the take as the file holds it.
 
-    A take that was read is patched into a copy of its own file: only filled samples change. One that never was in a
-    file, or was in one of another format, becomes a brand-new C3D. invalidate: mark samples missing (C3D) that are
-    neither trusted nor filled. Raises UsageError when ``path`` is the take's own file, or exists and ``overwrite`` is
-    false, or asks for a format that marker positions alone cannot fill; FormatError when it cannot be written.
+    A take that was read from this format becomes a copy of its own file in which only the changed samples differ. Any
+    other take becomes a new file: from its positions (C3D), or from its poses (BVH; AMC with an .asf beside it, named
+    by what comes before the first ``_``). For formats of poses, joint angles are first fitted to the changed joints.
+    invalidate: mark samples missing, where the format has a mark, that are neither trusted nor filled. Raises
+    UsageError when ``path`` is the take's own file, when it exists and ``overwrite`` is false, and when the format
+    cannot express the take; FormatError when the file cannot be written.
     """
     path = Path(path)
     name = format_of(path)
     check_output(path, take.origin.path if take.origin else None, overwrite)
     module = FORMATS[name]
+    if take.origin and take.origin.format == name:
+        return _write_copy(module, take, path, invalidate)
+    return _write_new(module, take, path, overwrite)
+
+
+def _write_copy(module: Format, take: Take, path: Path, invalidate: bool) -> Take:
+    """Fit, write and prove a copy of the take's own file."""
+    assert take.origin is not None
     with new_file(path) as part:
-        if take.origin and take.origin.format == name:
-            written: Take = module.write(take, part, invalidate=invalidate)
-            module.prove(written, part)
-            return written
-        if name != "c3d":
-            raise UsageError(f"{path}: positions alone are not a pose. Write this take as .c3d.")
-        c3d.create(take, part)
+        if module.DECLARATION.stores == "poses":
+            take = fit_poses(take, take.origin.document.spelled)
+        written = module.write(take, part, invalidate=invalidate)
+        module.prove(written, part)
+        return written
+
+
+def _write_new(module: Format, take: Take, path: Path, overwrite: bool) -> Take:
+    """Fit, and create a new file, with a new skeleton file where the format needs one."""
+    with ExitStack() as stack:
+        part = stack.enter_context(new_file(path))
+        try:
+            if module.DECLARATION.stores == "poses":
+                take = fit_poses(take)
+            module.create(take, part)
+        except UsageError as unfit:
+            raise UsageError(f"{path}: {unfit}") from None
+        if module.DECLARATION.skeleton_suffix:
+            _create_skeleton(take, new_skeleton_path(path, module.DECLARATION.skeleton_suffix), overwrite, stack)
         return take
 
 
-def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
-    """Raise UsageError when writing ``path`` would touch the input or an existing file without ``overwrite``."""
-    if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
-        raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")
-    if os.path.lexists(path) and not overwrite:
-        raise UsageError(f"{path}: the output exists already. Use --overwrite to replace it.")
+def _create_skeleton(take: Take, path: Path, overwrite: bool, stack: ExitStack) -> None:
+    """Write the skeleton file of a new take, unless it is there with the same content.
 
-
-@contextlib.contextmanager
-def new_file(path: Path) -> Iterator[Path]:
-    """A temporary file in the same folder that takes ``path``'s place when all went well, and else leaves no trace."""
-    part = path.parent / f"{_part_prefix(path)}{secrets.token_hex(8)}.part{path.suffix}"
-    try:
-        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
-    except OSError as fault:
-        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
-    try:
-        yield part
-        _settle(part, path)
-    except OSError as fault:
-        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def discard_parts(path: Path) -> None:
-    """Remove the temporary files that a killed process has left of ``path``; nobody else may be writing it."""
-    for part in path.parent.glob(f"{glob.escape(_part_prefix(path))}*.part{glob.escape(path.suffix)}"):
-        part.unlink(missing_ok=True)
-
-
-def _part_prefix(path: Path) -> str:
-    """How the names of temporary files begin: short enough for any file system, and this path's alone."""
-    start = os.fsencode(path.stem)[:100].decode("utf-8", "ignore")
-    return f".{start}.{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:12]}."
-
-
-def _settle(part: Path, path: Path) -> None:
-    """Force a finished file to the disk and rename it."""
-    with part.open("rb") as file:
-        os.fsync(file.fileno())
-    part.replace(path)
+    ``stack`` gives it its name just before the take gets its own. Raises UsageError if another content is there.
+    """
+    assert take.skeleton is not None
+    content = asf.text(take.skeleton).encode()
+    if path.is_file() and path.read_bytes() == content:
+        return
+    check_output(path, None, overwrite)
+    stack.enter_context(new_file(path)).write_bytes(content)

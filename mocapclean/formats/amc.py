@@ -1,8 +1,9 @@
-"""AMC (Acclaim motion capture): joint angles in text, frame by frame, for the bones of an .asf.
+"""AMC (Acclaim motion capture): joint angles in text, frame by frame, for the bones of an ASF skeleton.
 
-The .asf is found beside the file: ``05_13.asf`` or ``05.asf`` for ``05_13.amc``, or the only one in the
-folder, or it is given in ``ReadOptions.skeleton``. AMC has no frame rate: ``ReadOptions.rate`` says it, else
-120 Hz is assumed.
+Source: M. Schafer, Acclaim Skeleton File Definition V1.10 (1994-95), which defines ASF and AMC together. A frame is its
+number on a line, then a line for the root and each bone that turns, with the bone's channels in the order of its
+``dof``. The .asf is found beside the file (``skeleton_files.find_skeleton``) or given in ``ReadOptions.skeleton``. AMC
+has no frame rate: ``ReadOptions.rate`` gives it, else 120 Hz is assumed.
 """
 
 from dataclasses import dataclass
@@ -12,54 +13,72 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapclean.arrays import Floats
-from mocapclean.errors import FormatError
+from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import asf as skeletons
 from mocapclean.formats import poses as kept
 from mocapclean.formats.asf import Asf, columns
-from mocapclean.formats.poses import MARK, Document, blank, decode, load, numbers, positive, quote
+from mocapclean.formats.contract import Declaration
+from mocapclean.formats.fitting import posed
+from mocapclean.formats.poses import PoseDocument
+from mocapclean.formats.skeleton_files import find_skeleton
+from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quote
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
+from mocapclean.take.posed import posed_take
 
-SUFFIXES = (".amc",)
 RATE = 120.0
+"""Hz: the rate of the CMU motion capture database (mocap.cs.cmu.edu), from which most AMC files come."""
+MOST_DIGITS = 9
+"""Digits of a frame number that is read; Python refuses to convert very long ones, and no take has more frames."""
+CREATED_DECIMALS = 6
+"""Decimals of a created file's numbers, degrees and ASF units. Chosen by hand, as the BVH files have them."""
+
+DECLARATION = Declaration(
+    suffixes=(".amc",),
+    columns="joints",
+    stores="poses",
+    marks_missing=False,
+    skeleton_suffix=skeletons.SUFFIX,
+    default_rate=RATE,
+)
 
 Ints = NDArray[np.int64]
 Words = list[bytes]
+
 write = kept.write
 
 
 @dataclass(frozen=True, kw_only=True)
-class AmcDocument(Document):
-    """An AMC text with the skeleton that it moves and the number of its first frame."""
+class AmcDocument(PoseDocument):
+    """An AMC text with the ASF skeleton of its bones and the number of its first frame."""
 
     asf: Asf
     first_frame: int
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file's first bytes look like Acclaim text."""
-    start = head.removeprefix(MARK).lstrip()
+    """Whether a file's first bytes can begin Acclaim text: a comment, a keyword or a frame number."""
+    start = head.removeprefix(BYTE_ORDER_MARK).lstrip()
     return start[:1] in (b"#", b":") or start[:1].isdigit()
 
 
 def read(path: Path, options: ReadOptions) -> Take:
-    """Read an AMC file as joint positions (F, J, 3) in millimetres; FormatError if it, or its .asf, is
-    none."""
+    """Return the take of an AMC file: joint positions (F, J, 3) in millimetres, and the poses.
+
+    Raises FormatError with the line where the text is not AMC or the text of its skeleton is not ASF, and where no
+    skeleton is found.
+    """
     raw = load(path)
-    if path.suffix.lower() == ".asf" or skeletons.looks_like_asf(raw):
+    if path.suffix.lower() == skeletons.SUFFIX or skeletons.looks_like_asf(raw):
         raise FormatError(path, "the file must be a take. Got a skeleton (.asf); give the .amc that moves it.")
-    place = options.skeleton or find_asf(path)
-    document = _parse(path, raw, skeletons.parse(place, load(place)), place.name)
-    positions, trusted = kept.joints(document)
+    asf_path = options.skeleton or find_skeleton(path, skeletons.SUFFIX)
+    document = _parse(path, raw, skeletons.parse(asf_path, load(asf_path)), asf_path.name)
     rate = RATE if options.rate is None else positive(options.rate, "the rate")
-    return Take(
-        positions=positions,
-        trusted=trusted,
-        markers=document.skeleton.names,
-        rate=rate,
+    return posed_take(
+        document.skeleton,
+        document.poses,
+        rate,
         first_frame=document.first_frame,
-        skeleton=document.skeleton,
         findings=(
             Finding(
                 rule="rate",
@@ -71,61 +90,44 @@ def read(path: Path, options: ReadOptions) -> Take:
     )
 
 
-def read_skeleton(path: Path) -> Skeleton:
-    """The joints of an .asf file, in millimetres."""
-    return skeletons.parse(path, load(path)).skeleton
-
-
-def find_asf(path: Path) -> Path:
-    """The .asf that belongs to an .amc; FormatError if none in its folder does."""
-    try:
-        found = {p.stem.lower(): p for p in sorted(path.parent.iterdir()) if p.suffix.lower() == ".asf"}
-    except OSError as error:
-        raise FormatError(path, f"its folder must be readable. Got {error.strerror}.") from error
-    stem = path.stem.lower()
-    while stem not in found and "_" in stem:
-        stem = stem.rpartition("_")[0]
-    if stem not in found and len(found) == 1:
-        return next(iter(found.values()))
-    if stem not in found:
-        raise FormatError(path, f"the skeleton (.asf) must lie beside it. Got {len(found)} others; give it.")
-    return found[stem]
-
-
 def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds what ``take``, the return of ``write``, says and nothing else
-    new."""
-    if take.origin is None or not isinstance(take.origin.document, AmcDocument):
-        raise ValueError("take must have been read from an AMC file. Got another.")
-    asf = take.origin.document.asf
-    kept.prove(take, path, lambda raw: _parse(path, raw, asf, "its skeleton"))
+    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
+    document = kept.kept_document(take)
+    if not isinstance(document, AmcDocument):
+        raise UsageError(f"{path}: a take must come from an AMC file to be proven as one. Got another.")
+    kept.prove(take, path, lambda raw: _parse(path, raw, document.asf, "its skeleton"))
 
 
-def create(skeleton: Skeleton, poses: Floats, path: Path, asf: Path, *, length: float = skeletons.CMU_LENGTH) -> None:
-    """Write a new AMC file and its .asf, of poses (F, C) in degrees and millimetres.
+def create(take: Take, path: Path) -> None:
+    """Write a new AMC file of a take's poses, in degrees, and read it back; NaN is written as ``nan``.
 
-    length: the .asf's ``:units length``; 1 unit is 25.4 mm / length. NaN is written as ``nan``. ValueError
-    if the skeleton is none that ASF can express.
+    The file goes with the text that ``asf.text`` makes of the take's skeleton; ``formats.write`` stores that beside it.
+    Raises UsageError for a take without poses or with a skeleton that ASF cannot express, FormatError if the file does
+    not read back as the take.
     """
-    asf.write_bytes(skeletons.text(skeleton, length).encode())
-    unit = skeletons.INCH / length
-    scale = np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
+    skeleton, poses = posed(take)
+    asf = skeletons.parse(path, skeletons.text(skeleton).encode())
+    scale = np.array([1.0 if channel.is_rotation else skeletons.CMU_UNIT for channel in skeleton.channels])
     rows = [
-        ("root" if joint == 0 else name, own)
+        (skeletons.ROOT if joint == 0 else name, own)
         for joint, name in enumerate(skeleton.names)
         if (own := columns(skeleton, joint))
     ]
     lines = ["#!OML:ASF", ":FULLY-SPECIFIED", ":DEGREES"]
     for frame, pose in enumerate((poses / scale).tolist(), start=1):
         lines.append(str(frame))
-        lines += [f"{name} {' '.join(f'{pose[column]:.6f}' for column in own)}" for name, own in rows]
+        lines += [f"{name} {' '.join(f'{pose[column]:.{CREATED_DECIMALS}f}' for column in own)}" for name, own in rows]
     path.write_bytes("\n".join([*lines, ""]).encode())
+    created = _parse(path, load(path), asf, "its skeleton")
+    kept.prove_created(take, path, created.poses, created.skeleton)
 
 
 def _parse(path: Path, raw: bytes, asf: Asf, asf_name: str) -> AmcDocument:
+    """Return the document of a file; raise FormatError with the line unless every frame has all bones that turn."""
     lines = blank(raw).splitlines(keepends=True)
     rows = [line.split() for line in lines]
     names = [row.pop(0) if row else b"" for row in rows]
+    # A frame begins at a line that holds a whole number alone.
     starts = [index for index, name in enumerate(names) if name.isdigit() and not rows[index]]
     if not starts:
         raise FormatError(path, "an AMC file must have frames, each under its number. Got none.")
@@ -133,11 +135,12 @@ def _parse(path: Path, raw: bytes, asf: Asf, asf_name: str) -> AmcDocument:
     first_frame = _first_frame(path, names, starts)
     layouts, widths = _Layouts(path, asf.skeleton, asf_name), list(map(len, rows))
     bodies = pairwise([*starts, len(rows)])
-    found = [layouts.of(names[at + 1 : stop], widths[at + 1 : stop], at + 2) for at, stop in bodies]
+    frames = [layouts.of(names[at + 1 : stop], widths[at + 1 : stop], at + 2) for at, stop in bodies]
     values = numbers(path, rows[starts[0] :], range(starts[0] + 1, len(rows) + 1))
     channels = asf.skeleton.channels
     scale = np.array([(1.0 if degrees else 180.0 / np.pi) if c.is_rotation else asf.unit for c in channels])
-    order = np.array([layout.order for layout in found])
+    # Bones may come in any order, even in another one in each frame: bring the numbers into the skeleton's order.
+    order = np.array([layout.order for layout in frames])
     table = np.take_along_axis(values.reshape(len(starts), len(channels)), order, axis=1)
     begins = np.cumsum([0, *map(len, lines)])
     return AmcDocument(
@@ -146,25 +149,25 @@ def _parse(path: Path, raw: bytes, asf: Asf, asf_name: str) -> AmcDocument:
         scale=scale,
         poses=table * scale,
         starts=np.append(begins[starts], len(raw)),
-        places=np.array([layout.places for layout in found]),
+        places=np.array([layout.places for layout in frames]),
         asf=asf,
         first_frame=first_frame,
     )
 
 
 def _first_frame(path: Path, names: Words, starts: list[int]) -> int:
-    """The number of the first frame; FormatError unless the others follow it without a gap."""
-    found = [int(names[start]) if len(names[start]) <= 9 else -1 for start in starts]
-    for number, start, value in zip(count(max(found[0], 0)), starts, found, strict=False):
+    """Return the number of the first frame; raise FormatError unless the others follow it without a gap."""
+    stored = [int(names[start]) if len(names[start]) <= MOST_DIGITS else -1 for start in starts]
+    for number, start, value in zip(count(max(stored[0], 0)), starts, stored, strict=False):
         if value != number:
             message = f"frame numbers must be consecutive, here {number}. Got {quote(names[start])}."
             raise FormatError(path, message, line=start + 1)
-    return found[0]
+    return stored[0]
 
 
-def _degrees(path: Path, header: Words, usual: bool) -> bool:
-    """Whether the angles are degrees: as the header's last word of it says, else as the .asf does."""
-    degrees = usual
+def _degrees(path: Path, header: Words, asf_degrees: bool) -> bool:
+    """Whether the angles are degrees: by the last :DEGREES or :RADIANS of the header, else by the .asf."""
+    degrees = asf_degrees
     for line, word in enumerate(header, start=1):
         if word and not word.startswith(b":"):
             message = f"a line before the first frame must be a comment or begin with a colon. Got {quote(word)}."
@@ -183,24 +186,28 @@ class _Layout:
 
 
 class _Layouts:
-    """The layouts of a file's frames, nearly always one, each worked out once."""
+    """The layouts of a file's frames, nearly always a single one, each worked out once.
+
+    expected: the channels of each bone that turns, in the order in which the .asf lists them.
+    """
 
     def __init__(self, path: Path, skeleton: Skeleton, asf_name: str) -> None:
         self.path, self.asf_name = path, asf_name
-        self.wanted: dict[str, list[int]] = {}
-        for index, channel in enumerate(skeleton.channels):  # in the sequence in which the .asf lists them
-            self.wanted.setdefault(skeleton.names[channel.joint], []).append(index)
+        self.expected: dict[str, list[int]] = {}
+        for index, channel in enumerate(skeleton.channels):
+            self.expected.setdefault(skeleton.names[channel.joint], []).append(index)
         self.known: dict[tuple[tuple[bytes, ...], tuple[int, ...]], _Layout] = {}
 
     def of(self, names: Words, widths: list[int], line: int) -> _Layout:
-        """The layout of a frame with these first words, and so many numbers after them, from this line on."""
+        """Return the layout of a frame that begins at a line: first words of its lines, and numbers after each."""
         shape = tuple(names), tuple(widths)
         if shape not in self.known:
             self.known[shape] = self._work_out(names, widths, line)
         return self.known[shape]
 
     def _work_out(self, names: Words, widths: list[int], first_line: int) -> _Layout:
-        n_channels = sum(map(len, self.wanted.values()))
+        """Return the layout of a frame; raise FormatError unless it has every bone that turns once."""
+        n_channels = sum(map(len, self.expected.values()))
         order, places = np.full(n_channels, -1), np.full(n_channels, -1)
         value, token = 0, 1  # the frame's own number is the first token
         for line, (name, width) in enumerate(zip(names, widths, strict=True), start=first_line):
@@ -212,24 +219,25 @@ class _Layouts:
             order[own] = np.arange(value, value + width)
             places[own] = np.arange(token + 1, token + 1 + width)
             value, token = value + width, token + 1 + width
-        missing = [name for name, own in self.wanted.items() if order[own[0]] < 0]
+        missing = [name for name, own in self.expected.items() if order[own[0]] < 0]
         if missing:
             message = (
-                f"a frame must have all {len(self.wanted)} bones that turn in {self.asf_name}. Got none of "
+                f"a frame must have all {len(self.expected)} bones that turn in {self.asf_name}. Got none of "
                 f"{missing[0]!r}; the file may be cut off, or the .asf another subject's."
             )
             raise FormatError(self.path, message, line=first_line - 1)
         return _Layout(order=order, places=places)
 
     def _channels_of(self, word: bytes, width: int, line: int) -> list[int]:
+        """Return the channels of a bone; raise FormatError if it does not turn or has not ``width`` channels."""
         name = decode(word)
-        if name not in self.wanted:
+        if name not in self.expected:
             message = f"a bone must be one that turns in {self.asf_name}. Got {quote(word)}; give this subject's .asf."
             raise FormatError(self.path, message, line=line)
-        if width != len(self.wanted[name]):
+        if width != len(self.expected[name]):
             message = (
-                f"{name!r} must have {len(self.wanted[name])} numbers, as in {self.asf_name}. Got {width}; "
+                f"{name!r} must have {len(self.expected[name])} numbers, as in {self.asf_name}. Got {width}; "
                 f"the file may be cut off, or the .asf another subject's."
             )
             raise FormatError(self.path, message, line=line)
-        return self.wanted[name]
+        return self.expected[name]

@@ -1,127 +1,183 @@
 """BVH (Biovision hierarchy): a tree of joints in text, and one row of channel values per frame.
 
-A joint's position channels replace its OFFSET, axis by axis, as MotionBuilder and Blender take them;
-rotations are multiplied in the order in which the channels are listed. End Sites are not joints. BVH names
-no unit of length: ``ReadOptions.unit`` says it, else a centimetre is assumed.
+Source: M. Meredith and S. Maddock, "Motion capture file formats explained", University of Sheffield, Department of
+Computer Science, report CS-01-11 (2001), section on BVH. Rotations are multiplied in the order in which the channels
+are listed. A joint's position channels replace its OFFSET, axis by axis, as MotionBuilder and Blender read them. End
+Sites are not joints. BVH names no unit of length: ``ReadOptions.unit`` gives it, else a centimetre is assumed.
 """
 
 import io
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from mocapclean.arrays import Floats
-from mocapclean.errors import FormatError
+from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import poses as kept
-from mocapclean.formats.poses import MARK, NUMBER, Document, decode, finite, line_at, load, positive, quote
+from mocapclean.formats.contract import Declaration
+from mocapclean.formats.fitting import posed
+from mocapclean.formats.poses import PoseDocument
+from mocapclean.formats.text import (
+    BYTE_ORDER_MARK,
+    NUMBER,
+    decode,
+    finite,
+    line_at,
+    load,
+    numbers,
+    positive,
+    quote,
+)
 from mocapclean.geometry.skeleton import Channel, Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
+from mocapclean.take.posed import posed_take
 
-SUFFIXES = (".bvh",)
 CENTIMETRE = 10.0
+"""Millimetres: the unit of length of most BVH files, and of those that are created here."""
+CREATED_DECIMALS = 6
+"""Decimals of a created file's numbers, degrees and centimetres. As BVH exporters write them; chosen by hand."""
+
+DECLARATION = Declaration(
+    suffixes=(".bvh",), columns="joints", stores="poses", marks_missing=False, default_unit=CENTIMETRE
+)
 
 STATEMENT = re.compile(rb"(?P<word>[{}]|[^\s{}]+)(?P<rest>[^\r\n{}]*)")
 MOTION = re.compile(rb"(?:^|[\r\n])[ \t]*MOTION[ \t]*(?=[\r\n]|$)", re.IGNORECASE)
 FRAMES = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)", re.IGNORECASE)
 FRAME_TIME = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S+)[ \t]*(?=[\r\n]|$)", re.IGNORECASE)
+FRAME_COUNT = re.compile(rb"0*[1-9]\d{0,8}")
 CHANNEL = re.compile(rb"([XYZ])(position|rotation)", re.IGNORECASE)
 END_SITE = -2
+"""Stands for an End Site among indices of joints; -1 is the parent of a root."""
 
 write = kept.write
 
 
 def sniff(head: bytes) -> bool:
-    """Whether a file's first bytes look like BVH."""
-    return head.removeprefix(MARK).lstrip()[:9].upper() == b"HIERARCHY"
+    """Whether a file's first bytes can begin a BVH file."""
+    return head.removeprefix(BYTE_ORDER_MARK).lstrip()[:9].upper() == b"HIERARCHY"
 
 
 def read(path: Path, options: ReadOptions) -> Take:
-    """Read a BVH file as joint positions (F, J, 3) in millimetres; FormatError if it is none."""
+    """Return the take of a BVH file: joint positions (F, J, 3) in millimetres, and the poses.
+
+    Raises FormatError with the line where the text is not BVH.
+    """
     raw = load(path)
     motion, unit = _motion(path, raw), _unit(options)
     document = _parse(path, raw, motion, unit)
-    positions, trusted = kept.joints(document)
     assumed = Finding(
         rule="units",
         message=f"a BVH file names no unit of length; 1 unit is taken as {unit:g} mm",
         advice="" if options.unit else "give the unit if lengths look wrong",
     )
-    return Take(
-        positions=positions,
-        trusted=trusted,
-        markers=document.skeleton.names,
-        rate=_rate(path, motion, options),
-        skeleton=document.skeleton,
+    return posed_take(
+        document.skeleton,
+        document.poses,
+        _rate(path, motion, options),
         findings=(assumed,),
         origin=Origin(path=path, format="bvh", options=options, document=document),
     )
 
 
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
-    """The joints of a BVH file, ``unit`` (else 10) millimetres per unit; its motion is not read."""
+    """Return the joints of a BVH file with ``unit`` (else 10) millimetres per unit; its motion is not read."""
     raw = load(path)
     motion = MOTION.search(raw)
     return _Hierarchy(path, raw[: motion.start()] if motion else raw).skeleton(_unit(ReadOptions(unit=unit)))
 
 
 def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds what ``take``, the return of ``write``, says and nothing else
-    new."""
+    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
     unit = _unit(take.origin.options if take.origin else ReadOptions())
     kept.prove(take, path, lambda raw: _parse(path, raw, _motion(path, raw), unit))
 
 
-def create(skeleton: Skeleton, poses: Floats, rate: float, path: Path, *, unit: float = CENTIMETRE) -> None:
-    """Write a new BVH file of poses (F, C), degrees and millimetres, with ``unit`` millimetres per unit.
+def create(take: Take, path: Path) -> None:
+    """Write a new BVH file of a take's poses, in centimetres, and read it back; NaN is written as ``nan``.
 
-    The tree is written by bvhio; the motion is not, because bvhio passes angles through quaternions and
-    loses their spelling. NaN is written as ``nan``. ValueError if the skeleton is none that BVH can express.
+    Raises UsageError for a take without poses or with a skeleton that BVH cannot express: it needs one root, offsets
+    before the joints only and axes that are not turned. Raises FormatError if the file does not read back as the take.
     """
-    import bvhio
-
+    skeleton, poses = posed(take)
     if skeleton.parents.count(-1) != 1 or skeleton.after.any() or (skeleton.frames != np.eye(3)).any():
-        raise ValueError("skeleton must have one root, offsets before its joints only and no turned axes.")
-    nodes, columns = [bvhio.BvhJoint(name) for name in skeleton.names], _columns(skeleton)
+        raise UsageError(
+            "a BVH skeleton must have one root, bones that start at their joints and axes that are not turned."
+        )
+    columns = _columns(skeleton)
+    root, order = _bvhio_tree(skeleton, columns)
+    scale = _scale(skeleton, CENTIMETRE)
+    tree, time = _bvhio_header(root, take.rate, path)
+    rows = io.StringIO()
+    np.savetxt(rows, (poses / scale)[:, order], fmt=f"%.{CREATED_DECIMALS}f")
+    path.write_text(f"{tree}Frames: {len(poses)}\n{time}{rows.getvalue()}", newline="\n")
+    raw = load(path)
+    created = _parse(path, raw, _motion(path, raw), CENTIMETRE)
+    kept.prove_created(take, path, created.poses, created.skeleton)
+
+
+def _bvhio_tree(skeleton: Skeleton, columns: list[list[int]]) -> tuple[Any, list[int]]:
+    """Return bvhio's root joint of a skeleton, and the channels in the order of its rows."""
+    import bvhio  # takes long to import, and only new files need it
+
+    nodes = [bvhio.BvhJoint(name) for name in skeleton.names]
     for joint, parent in enumerate(skeleton.parents):
         node = nodes[joint]
-        node.Offset = type(node.Offset)(*(skeleton.before[joint] / unit))
+        node.Offset = type(node.Offset)(*(skeleton.before[joint] / CENTIMETRE))
         node.EndSite = node.Offset * 0
         node.Channels = [_spell_channel(skeleton.channels[column]) for column in columns[joint]]
         if parent >= 0:
             nodes[parent].Children.append(node)
     root = nodes[skeleton.parents.index(-1)]
-    order = [column for node, _, _ in root.layout() for column in columns[nodes.index(node)]]
-    scale = np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
-    bvhio.writeBvh(str(path), bvhio.BvhContainer(root, 0, 1 / rate), 6)
+    return root, [column for node, _, _ in root.layout() for column in columns[nodes.index(node)]]
+
+
+def _bvhio_header(root: Any, rate: float, path: Path) -> tuple[str, str]:
+    """Return the text of a file before ``Frames:`` and the line of the frame time, as bvhio writes them.
+
+    bvhio writes no motion here: it would pass the angles through quaternions and lose their spelling.
+    """
+    import bvhio
+
+    bvhio.writeBvh(str(path), bvhio.BvhContainer(root, 0, 1 / rate), CREATED_DECIMALS)
     tree, _, time = path.read_text().rpartition("Frames: 0\n")
-    rows = io.StringIO()
-    np.savetxt(rows, (poses / scale)[:, order], fmt="%.6f")
-    path.write_text(f"{tree}Frames: {len(poses)}\n{time}{rows.getvalue()}", newline="\n")
+    return tree, time
 
 
 def _unit(options: ReadOptions) -> float:
+    """Return the millimetres per unit of length; raise UsageError for a unit that is not positive and finite."""
     return CENTIMETRE if options.unit is None else positive(options.unit, "the unit")
 
 
+def _scale(skeleton: Skeleton, unit: float) -> Floats:
+    """Return the degrees or millimetres (C,) per number of the file."""
+    return np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
+
+
 def _columns(skeleton: Skeleton) -> list[list[int]]:
-    """Each joint's channels as BVH lists them: positions, then rotations in the order of multiplication."""
-    found: list[list[int]] = [[] for _ in skeleton.names]
-    moves = [index for index, channel in enumerate(skeleton.channels) if not channel.is_rotation]
-    for index in [*moves, *skeleton.product]:
-        found[skeleton.channels[index].joint].append(index)
-    return found
+    """Return each joint's channels as BVH lists them: positions, then rotations in the order of multiplication."""
+    columns: list[list[int]] = [[] for _ in skeleton.names]
+    shifts = [index for index, channel in enumerate(skeleton.channels) if not channel.is_rotation]
+    for index in [*shifts, *skeleton.product]:
+        columns[skeleton.channels[index].joint].append(index)
+    return columns
 
 
 def _spell_channel(channel: Channel) -> str:
+    """Return the name of a channel, such as ``Xrotation``."""
     return "XYZ"[channel.axis] + ("rotation" if channel.is_rotation else "position")
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Motion:
-    """The MOTION header: bytes of the section and of its first row, frames declared, frame time as
-    spelled."""
+    """The header of the MOTION section.
+
+    start: byte of the section. rows: byte after the header. frames: the count declared. time: the frame time in
+    seconds as spelled. time_line: the line of it.
+    """
 
     start: int
     rows: int
@@ -131,6 +187,7 @@ class _Motion:
 
 
 def _motion(path: Path, raw: bytes) -> _Motion:
+    """Return the header of the MOTION section; raise FormatError with the line if it is not complete."""
     motion = MOTION.search(raw)
     if not motion:
         raise FormatError(path, "a BVH file must have a MOTION section. Got none; it may be cut off.")
@@ -139,7 +196,7 @@ def _motion(path: Path, raw: bytes) -> _Motion:
     if not frames or not time:
         what, byte = ("Frame Time:", frames.end()) if frames else ("Frames:", motion.end())
         raise FormatError(path, f"{what} and a number must follow. Got something else.", line=line_at(raw, byte))
-    if not re.fullmatch(rb"0*[1-9]\d{0,8}", frames[1]):
+    if not FRAME_COUNT.fullmatch(frames[1]):
         line = line_at(raw, frames.start(1))
         raise FormatError(path, f"Frames: must be a whole number from 1. Got {quote(frames[1])}.", line=line)
     return _Motion(
@@ -152,7 +209,7 @@ def _motion(path: Path, raw: bytes) -> _Motion:
 
 
 def _rate(path: Path, motion: _Motion, options: ReadOptions) -> float:
-    """Frames per second: one over the frame time, or what the user says where that is no time."""
+    """Return the frames per second: one over the frame time, or the user's rate where the frame time is no time."""
     seconds = float(motion.time) if NUMBER.fullmatch(motion.time) else np.nan
     if 0 < seconds < np.inf and 1 / seconds < np.inf:
         return 1 / seconds
@@ -162,34 +219,37 @@ def _rate(path: Path, motion: _Motion, options: ReadOptions) -> float:
     raise FormatError(path, message, line=motion.time_line)
 
 
-def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> Document:
+def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> PoseDocument:
+    """Return the document of a file; raise FormatError with the line unless it has the rows that it declares."""
     skeleton = _Hierarchy(path, raw[: motion.start]).skeleton(unit)
-    scale = np.array([1.0 if channel.is_rotation else unit for channel in skeleton.channels])
-    have, first = len(scale), line_at(raw, motion.rows)
+    scale = _scale(skeleton, unit)
+    n_channels, first = len(scale), line_at(raw, motion.rows)
     lines = raw[motion.rows :].splitlines(keepends=True)
     rows = [(index, tokens) for index, line in enumerate(lines) if (tokens := line.split())]
     for index, tokens in rows:
-        if len(tokens) != have:
-            message = f"a row of motion must have {have} numbers. Got {len(tokens)}."
+        if len(tokens) != n_channels:
+            message = f"a row of motion must have {n_channels} numbers. Got {len(tokens)}."
             raise FormatError(path, message, line=first + index)
     if len(rows) != motion.frames:
         why = "the file may be cut off" if len(rows) < motion.frames else "correct the count"
         message = f"the motion must have {motion.frames} rows, as Frames: declares. Got {len(rows)}; {why}."
         raise FormatError(path, message, line=first + len(lines) - 1)
-    table = kept.numbers(path, [tokens for _, tokens in rows], [first + index for index, _ in rows])
+    table = numbers(path, [tokens for _, tokens in rows], [first + index for index, _ in rows])
     begins = motion.rows + np.cumsum([0, *map(len, lines)])
-    return Document(
+    return PoseDocument(
         raw=raw,
         skeleton=skeleton,
         scale=scale,
-        poses=table.reshape(len(rows), have) * scale,
+        poses=table.reshape(len(rows), n_channels) * scale,
         starts=np.append(begins[[index for index, _ in rows]], len(raw)),
-        places=np.broadcast_to(np.arange(have), (len(rows), have)),
+        places=np.broadcast_to(np.arange(n_channels), (len(rows), n_channels)),
     )
 
 
 @dataclass
 class _Joint:
+    """A joint while its braces are read."""
+
     name: str
     parent: int
     offset: list[float] | None = None
@@ -197,17 +257,21 @@ class _Joint:
 
 
 class _Hierarchy:
-    """The HIERARCHY section, read statement by statement and without recursion."""
+    """The HIERARCHY section, read statement by statement and without recursion.
+
+    joints: in the order of the file. inside: the joints, or END_SITE, whose braces are open. named: the joint, or
+    END_SITE, whose brace must open next. at: byte of the statement, for errors.
+    """
 
     def __init__(self, path: Path, text: bytes) -> None:
         self.path, self.text, self.at = path, text, 0
         self.joints: list[_Joint] = []
-        self.inside: list[int] = []  # the joints, or END_SITE, whose braces are open
-        self.named: int | None = None  # the joint, or END_SITE, whose brace must open now
+        self.inside: list[int] = []
+        self.named: int | None = None
         read = {b"{": self._open, b"}": self._close, b"ROOT": self._joint, b"JOINT": self._joint}
         read |= {b"END": self._end_site, b"OFFSET": self._offset, b"CHANNELS": self._channels}
         read |= {b"HIERARCHY": self._hierarchy}
-        for match in STATEMENT.finditer(text, 3 if text.startswith(MARK) else 0):
+        for match in STATEMENT.finditer(text, len(BYTE_ORDER_MARK) if text.startswith(BYTE_ORDER_MARK) else 0):
             self.at, word = match.start(), match["word"].upper()
             if word not in read:
                 raise self._error(f"a statement must be a word of BVH. Got {quote(match['word'])}.")
@@ -218,7 +282,7 @@ class _Hierarchy:
             raise self._error("every joint must be closed by a brace. Got the end; the file may be cut off.")
 
     def skeleton(self, unit: float) -> Skeleton:
-        """The joints in millimetres; FormatError if one lacks its place or all lack channels."""
+        """Return the joints in millimetres; raise FormatError if one has no OFFSET or none has CHANNELS."""
         joints = self.joints
         channels = tuple(channel for joint in joints for channel in joint.channels or ())
         unplaced = [joint.name for joint in joints if joint.offset is None]
@@ -226,6 +290,7 @@ class _Hierarchy:
             what = f"joint {unplaced[0]!r} must have an OFFSET" if unplaced else "a joint must have CHANNELS"
             raise FormatError(self.path, f"{what}. Got none.")
         before = np.array([joint.offset for joint in joints]) * unit
+        # A position channel replaces the offset on its axis.
         for channel in channels:
             if not channel.is_rotation:
                 before[channel.joint, channel.axis] = 0.0
@@ -240,13 +305,16 @@ class _Hierarchy:
         )
 
     def _error(self, message: str) -> FormatError:
+        """Return an error with the line of the current statement."""
         return FormatError(self.path, message, line=line_at(self.text, self.at))
 
     def _hierarchy(self, word: bytes, rest: bytes) -> None:
+        """Check that HIERARCHY comes first and alone."""
         if rest or self.joints:
             raise self._error("HIERARCHY must stand alone before the joints. Got it elsewhere.")
 
     def _joint(self, word: bytes, rest: bytes) -> None:
+        """Add the joint that ROOT or JOINT names, below the innermost open one."""
         if not rest:
             raise self._error(f"{decode(word)} must be followed by a name. Got none.")
         if (word == b"ROOT") == bool(self.inside) or self.inside[-1:] == [END_SITE]:
@@ -255,22 +323,26 @@ class _Hierarchy:
         self.joints.append(_Joint(decode(rest), self.inside[-1] if self.inside else -1))
 
     def _end_site(self, word: bytes, rest: bytes) -> None:
+        """Expect the braces of an End Site."""
         if not self.inside or self.inside[-1] == END_SITE or not rest.upper().startswith(b"SITE"):
             raise self._error("an End Site must stand inside of a joint. Got it elsewhere.")
         self.named = END_SITE
 
     def _open(self, word: bytes, rest: bytes) -> None:
+        """Open the braces of the joint that was named last."""
         if self.named is None or rest:
             raise self._error("a brace must open on its own after a joint's name. Got it elsewhere.")
         self.inside.append(self.named)
         self.named = None
 
     def _close(self, word: bytes, rest: bytes) -> None:
+        """Close the innermost open braces."""
         if not self.inside or rest:
             raise self._error("a brace must close an open one, on its own. Got one too many.")
         self.inside.pop()
 
     def _offset(self, word: bytes, rest: bytes) -> None:
+        """Set the offset of the innermost open joint; that of an End Site is checked alone."""
         offset = finite(self.path, rest.split(), 3, "OFFSET", line_at(self.text, self.at))
         if not self.inside:
             raise self._error("OFFSET must stand inside of a joint. Got it outside.")
@@ -280,13 +352,14 @@ class _Hierarchy:
             self.joints[self.inside[-1]].offset = offset
 
     def _channels(self, word: bytes, rest: bytes) -> None:
+        """Set the channels of the innermost open joint."""
         if not self.inside or self.inside[-1] == END_SITE or self.joints[self.inside[-1]].channels is not None:
             raise self._error("CHANNELS must stand once and inside of a joint. Got them elsewhere.")
         count, *names = rest.split() or [b"no number"]
         if not count.isdigit() or count.lstrip(b"0") != str(len(names)).encode().lstrip(b"0"):
             raise self._error(f"CHANNELS must give the number of its names, {len(names)}. Got {quote(count)}.")
-        found = [CHANNEL.fullmatch(name) for name in names]
-        unknown = [name for name, match in zip(names, found, strict=True) if not match]
+        matches = [CHANNEL.fullmatch(name) for name in names]
+        unknown = [name for name, match in zip(names, matches, strict=True) if not match]
         if unknown:
             raise self._error(f"a channel must be X, Y or Z and position or rotation. Got {quote(unknown[0])}.")
         channels = [
@@ -295,17 +368,17 @@ class _Hierarchy:
                 axis=b"XYZ".index(match[1].upper()),
                 is_rotation=match[2].lower() == b"rotation",
             )
-            for match in found
+            for match in matches
             if match
         ]
-        moves = [channel.axis for channel in channels if not channel.is_rotation]
-        if len(set(moves)) != len(moves):
+        shifted = [channel.axis for channel in channels if not channel.is_rotation]
+        if len(set(shifted)) != len(shifted):
             raise self._error("a joint must have one position channel per axis. Got one twice.")
         self.joints[self.inside[-1]].channels = channels
 
 
 def _distinct(names: list[str]) -> tuple[str, ...]:
-    """The names, with #2, #3, ... after those that repeat an earlier one."""
+    """Return the names, with #2, #3, ... after a name that an earlier joint has."""
     distinct: dict[str, None] = {}
     repeats: dict[str, int] = {}
     for name in names:

@@ -71,14 +71,14 @@ def prepare(source: Path, settings: Settings) -> Prepared:
 
 def _read(source: Path, settings: Settings) -> Take:
     """Return the take with the skeleton and the extra points that the settings name."""
-    own_skeleton = formats.format_of(source) == "amc"
+    own_skeleton = formats.needs_skeleton(source)
     options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm}
     if own_skeleton:
         options["skeleton"] = settings.skeleton
     take = formats.read(source, **options)
     exact = [name for name in settings.markers if not is_pattern(name)]
     others = [name for name in exact if not matching_columns(name, take.markers)]
-    if others and formats.format_of(source) == "c3d":
+    if others and formats.lists_points(source):
         take = formats.read(source, points=others, **options)
     if settings.skeleton and not own_skeleton:
         skeleton = formats.read_skeleton(settings.skeleton, settings.unit_mm)
@@ -96,7 +96,7 @@ def read_reference(selected: Take, settings: Settings) -> Take | None:
     path = settings.reference
     if path is None:
         return None
-    skeleton = settings.skeleton if formats.format_of(path) == "amc" else None
+    skeleton = settings.skeleton if formats.needs_skeleton(path) else None
     truth = formats.read(path, skeleton=skeleton, rate=settings.rate, unit=settings.unit_mm)
     if len(truth.trusted) != len(selected.trusted):
         raise UsageError(

@@ -16,6 +16,7 @@ from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.evaluation import metrics
+from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.choose import settle_method, solver
 from mocapclean.pipeline.filling import merge
@@ -60,7 +61,7 @@ def digest(path: Path) -> str:
 
 
 def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:
-    formats.check_output(output, source, settings.overwrite)
+    check_output(output, source, settings.overwrite)
     prepared = prepare(source, settings)
     selected = prepared.selected
     truth = read_reference(selected, settings)

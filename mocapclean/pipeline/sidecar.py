@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapclean.arrays import Floats
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 from mocapclean.take import Take
 from mocapclean.take.status import Codes, Status, first_rules, supplied
 

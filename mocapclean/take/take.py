@@ -43,9 +43,9 @@ class Finding:
 class ReadOptions:
     """Facts about a file that its format does not store, from the user.
 
-    skeleton: the .asf of an .amc. rate: Hz, for formats without one (AMC). unit: millimetres per unit of length, for
-    formats without one (BVH). points: names of C3D points to read as markers although the file lists them as
-    something else.
+    skeleton: the file of the skeleton, for formats that keep it apart; rate: Hz, for formats that state none; unit:
+    millimetres per unit of length, for formats that state none; points: names of points to read as markers even though
+    the file lists them as something else.
     """
 
     skeleton: Path | None = None
@@ -79,8 +79,9 @@ class Take:
     moved: (F, M) bool, trusted samples that were changed at the user's request: denoised, or exchanged labels.
     Writing changes the samples of ``filled`` and ``moved`` alone.
     markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
-    skeleton: the joints and bones, if known. findings: of rules and formats. origin: the file, None for a take that
-    cannot be written to one. The arrays are read-only.
+    skeleton: the joints and bones, if known. poses: (F, C) degrees and millimetres, the channels of the skeleton whose
+    joints are the columns, or None; changed samples are in them once they are fitted. findings: of rules and formats.
+    origin: the file, None for a take that cannot be written to one. The arrays are read-only.
     """
 
     positions: Floats
@@ -91,6 +92,7 @@ class Take:
     moved: Bools = None  # type: ignore[assignment]
     first_frame: int = 1
     skeleton: Skeleton | None = None
+    poses: Floats | None = None
     findings: tuple[Finding, ...] = ()
     origin: Origin | None = None
 
@@ -106,6 +108,13 @@ class Take:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
         for name in ("positions", "trusted", "filled", "moved"):
             object.__setattr__(self, name, _read_only(getattr(self, name)))
+        if self.poses is not None:
+            expected = (shape[0], len(self.skeleton.channels)) if self.skeleton else None
+            if self.poses.shape != expected:
+                raise ValueError(
+                    f"poses must be frames by channels of the skeleton, {expected}. Got {self.poses.shape}."
+                )
+            object.__setattr__(self, "poses", _read_only(self.poses))
 
     @property
     def changed(self) -> Bools:
@@ -130,6 +139,7 @@ class Take:
             filled=self.filled[:, columns],
             moved=self.moved[:, columns],
             markers=tuple(self.markers[c] for c in columns),
+            poses=None,
             origin=None,
         )
 
@@ -144,6 +154,7 @@ class Take:
             moved=self.moved[frames],
             rate=self.rate / step,
             first_frame=self.first_frame + start,
+            poses=None if self.poses is None else self.poses[frames],
             findings=(),
             origin=None,
         )

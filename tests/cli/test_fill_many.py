@@ -14,7 +14,7 @@ from test_cli import SCHEMA
 
 from mocapclean.cli import cli
 from mocapclean.errors import FormatError
-from mocapclean.formats import new_file
+from mocapclean.files import new_file
 from mocapclean.pipeline import sidecar
 
 NAMES = ("one.c3d", "day 1/two.c3d", "day 1/three.C3D", "day 2/two.c3d")

@@ -412,7 +412,7 @@ def test_markers_takes_of_a_folder_what_is_fit_and_says_why_not(tmp_path, rng):
         "still.c3d (no motion)",
         f"gappy.c3d ({100 * (1 - trusted.mean()):.1f} % missing)",
         "broken.c3d (cannot be read)",
-        "other.bvh (not C3D)",
+        "other.bvh (no markers)",
     ):
         assert said in text
     assert {row["take"] for row in rows_of(tmp_path / "o" / "markers.csv")} == {"good"}

@@ -1,4 +1,4 @@
-"""AMC and ASF: what is read, what stays as it was, what is refused; over real captures and made-up variants."""
+"""AMC and ASF: reading, unchanged bytes and refusals, over real captures and made-up variants."""
 
 import re
 from dataclasses import replace
@@ -11,9 +11,12 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError
-from mocapclean.formats import amc
+from mocapclean.formats import amc, asf, write
+from mocapclean.formats.fitting import fit_poses
+from mocapclean.formats.skeleton_files import find_skeleton
 from mocapclean.geometry.skeleton import forward
 from mocapclean.take import ReadOptions, Take
+from mocapclean.take.posed import posed_take
 
 FILES = capture_files("amc")
 ASF = b"""# a made-up skeleton
@@ -115,6 +118,10 @@ def save(folder: Path, text: bytes = TEXT, asf: bytes = ASF) -> Path:
 
 def load(path: Path) -> Take:
     return amc.read(path, ReadOptions())
+
+
+def fit_and_write(take: Take, out: Path) -> Take:
+    return amc.write(fit_poses(take, take.origin.document.spelled), out)
 
 
 def axis_turn(axis: int, degrees: float) -> np.ndarray:
@@ -282,7 +289,7 @@ def test_skeleton_is_found_beside_the_file(tmp_path: Path) -> None:
     asf = tmp_path / "05.asf"
     for name in ("05_13.asf", "05.ASF", "anything.asf"):
         asf = asf.rename(tmp_path / name)
-        assert amc.find_asf(path) == asf
+        assert find_skeleton(path, ".asf") == asf
     (tmp_path / "other.asf").write_bytes(ASF)
     with pytest.raises(FormatError, match=r"skeleton \(\.asf\) must lie beside it\. Got 2 others"):
         load(path)
@@ -300,7 +307,7 @@ def test_skeleton_alone_is_no_take(tmp_path: Path, small: Path) -> None:
         load(tmp_path / "05.asf")
     with pytest.raises(FormatError, match=r"must be a take\. Got a skeleton"):
         load(save(tmp_path, ASF))
-    skeleton = amc.read_skeleton(tmp_path / "05.asf")
+    skeleton = asf.read_skeleton(tmp_path / "05.asf")
     assert [bone.end for bone in skeleton.bones()] == ["hip", "femur", "tibia", "chest"]
 
 
@@ -368,7 +375,7 @@ def check_repair(take: Take, folder: Path, text: bytes, joint: str, rows_of: set
     filled[1, column] = True
     positions[1, column] += 8.0
     out = folder / "out.amc"
-    written = amc.write(replace(take, filled=filled, positions=positions), out)
+    written = fit_and_write(replace(take, filled=filled, positions=positions), out)
     amc.prove(written, out)
     assert written.filled.sum() == 1
     old, new = text.splitlines(keepends=True), out.read_bytes().splitlines(keepends=True)
@@ -409,7 +416,7 @@ def test_missing_bone_is_filled_from_its_neighbours(tmp_path: Path, small: Path)
     tibia = take.markers.index("tibia")
     filled, positions = take.filled.copy(), take.positions.copy()
     filled[1, tibia], positions[1, tibia] = True, truth.positions[1, tibia]
-    written = amc.write(replace(take, filled=filled, positions=positions), tmp_path / "out.amc")
+    written = fit_and_write(replace(take, filled=filled, positions=positions), tmp_path / "out.amc")
     amc.prove(written, tmp_path / "out.amc")
     assert np.linalg.norm(written.positions[1, tibia] - truth.positions[1, tibia]) < 0.1
     text = (tmp_path / "out.amc").read_bytes()
@@ -418,10 +425,11 @@ def test_missing_bone_is_filled_from_its_neighbours(tmp_path: Path, small: Path)
 
 
 def test_new_files_read_back(tmp_path: Path, small: Path, rng: np.random.Generator) -> None:
-    skeleton = amc.read_skeleton(tmp_path / "05.asf")
+    skeleton = asf.read_skeleton(tmp_path / "05.asf")
     poses = rng.uniform(-170, 170, (5, len(skeleton.channels)))
     poses[3, 7] = np.nan
-    amc.create(skeleton, poses, tmp_path / "07_01.amc", tmp_path / "07.asf", length=1.0)
+    write(posed_take(skeleton, poses, 120.0), tmp_path / "07_01.amc")
+    assert (tmp_path / "07.asf").exists()
     take = load(tmp_path / "07_01.amc")
     assert take.markers == skeleton.names
     expected = forward(skeleton, poses)[0]

@@ -1,4 +1,4 @@
-"""BVH: what is read, what stays as it was, what is refused; over real captures and made-up variants."""
+"""BVH: reading, unchanged bytes and refusals, over real captures and made-up variants."""
 
 import re
 import subprocess
@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats import bvh, poses
-from mocapclean.geometry.inverse_kinematics import Fit
+from mocapclean.formats import bvh, fitting
+from mocapclean.formats.fitting import fit_poses
+from mocapclean.geometry.inverse_kinematics import FittedPoses
 from mocapclean.geometry.skeleton import Channel, Skeleton, forward
 from mocapclean.take import ReadOptions, Take
+from mocapclean.take.posed import posed_take
 
 FILES = capture_files("bvh")
 TEXT = b"""HIERARCHY
@@ -86,7 +88,7 @@ def load(path: Path, **options: float) -> Take:
 
 
 def refused(folder: Path, old: bytes, new: bytes) -> FormatError:
-    """The error for the small file with its first ``old`` replaced."""
+    """Return the error for the small file with its first ``old`` replaced."""
     assert old in TEXT
     with pytest.raises(FormatError) as caught:
         load(save(folder, TEXT.replace(old, new, 1)))
@@ -94,12 +96,16 @@ def refused(folder: Path, old: bytes, new: bytes) -> FormatError:
 
 
 def filling(take: Take, joint: str, frames: slice, shift: float) -> Take:
-    """The take with one joint distrusted, then filled somewhat beside where it was."""
+    """Return the take with one joint filled at a distance from where it was."""
     filled, positions = take.filled.copy(), take.positions.copy()
     column = take.markers.index(joint)
     filled[frames, column] = True
     positions[frames, column] += shift
     return replace(take, positions=positions, filled=filled)
+
+
+def fit_and_write(take: Take, out: Path) -> Take:
+    return bvh.write(fit_poses(take, take.origin.document.spelled), out)
 
 
 def test_small_file_as_written(small: Path) -> None:
@@ -298,7 +304,7 @@ def test_flipped_bytes_read_or_are_refused(tmp_path: Path, flips: list[tuple[int
 def test_filled_joint_changes_only_its_numbers(tmp_path: Path, small: Path) -> None:
     take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
     out = tmp_path / "out.bvh"
-    written = bvh.write(take, out)
+    written = fit_and_write(take, out)
     bvh.prove(written, out)
     np.testing.assert_array_equal(written.filled, take.filled)
     old, new = TEXT.splitlines(keepends=True), out.read_bytes().splitlines(keepends=True)
@@ -326,7 +332,7 @@ def test_missing_joint_is_filled_and_other_nan_stay(tmp_path: Path, small: Path)
     filled, positions = take.filled.copy(), take.positions.copy()
     filled[2, foot], positions[2, foot] = True, truth.positions[2, foot]
     out = tmp_path / "out.bvh"
-    written = bvh.write(replace(take, filled=filled, positions=positions), out)
+    written = fit_and_write(replace(take, filled=filled, positions=positions), out)
     bvh.prove(written, out)
     assert written.filled[2, foot]
     assert np.linalg.norm(written.positions[2, foot] - truth.positions[2, foot]) < 0.1
@@ -334,23 +340,25 @@ def test_missing_joint_is_filled_and_other_nan_stay(tmp_path: Path, small: Path)
 
 
 @pytest.mark.parametrize("moved", [0.0, 5.0])
-def test_joint_that_cannot_be_fitted_is_left_and_told(
+def test_joint_that_cannot_be_fitted_is_left_and_reported(
     tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch, moved: float
 ) -> None:
-    def unfit(skeleton: Skeleton, found: Floats, targets: Floats, fixed: Bools, wanted: Bools) -> Fit:
-        """A fit that gives up, or one that drags the trusted root along by 5 mm."""
+    def unfit(
+        skeleton: Skeleton, found: Floats, targets: Floats, fixed: Bools, wanted: Bools, tolerance: float
+    ) -> FittedPoses:
+        """A fit that gives up, or that drags the trusted root along by 5 mm."""
         new = found + moved * wanted.any(axis=1, keepdims=True) * (np.arange(found.shape[1]) == 0)
-        return Fit(poses=new, changed=new != found, fitted=wanted & (moved > 0))
+        return FittedPoses(poses=new, changed=new != found, fitted=wanted & (moved > 0))
 
-    monkeypatch.setattr(poses, "fit", unfit)
+    monkeypatch.setattr(fitting, "fit", unfit)
     take = filling(load(small), "Left Leg", slice(1, 3), 30.0)
     out = tmp_path / "out.bvh"
-    written = bvh.write(take, out)
+    written = fit_and_write(take, out)
     assert not written.filled.any()
     assert written.trusted.sum() == take.trusted.sum() - 2
     np.testing.assert_allclose(written.positions, load(small).positions, atol=1e-9)
-    told = [finding for finding in written.findings if finding.rule == "fit"]
-    assert [(f.marker, f.frames, f.level) for f in told] == [("Left Leg", (1, 3), "warning")]
+    reported = [finding for finding in written.findings if finding.rule == "fit"]
+    assert [(f.marker, f.frames, f.level) for f in reported] == [("Left Leg", (1, 3), "warning")]
     assert out.read_bytes() == TEXT
     bvh.prove(written, out)
 
@@ -358,7 +366,7 @@ def test_joint_that_cannot_be_fitted_is_left_and_told(
 def test_proof_sees_any_other_difference(tmp_path: Path, small: Path) -> None:
     take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
     out = tmp_path / "out.bvh"
-    written = bvh.write(take, out)
+    written = fit_and_write(take, out)
     good = out.read_bytes()
     for old, new in [
         (b"Hips", b"Hops"),
@@ -388,7 +396,7 @@ def test_new_file_reads_back(tmp_path: Path, rng: np.random.Generator) -> None:
     angles = rng.uniform(-170, 170, (5, 12))
     angles[2, 7] = np.nan
     path = tmp_path / "new.bvh"
-    bvh.create(skeleton, angles, 120.0, path, unit=10.0)
+    bvh.create(posed_take(skeleton, angles, 120.0), path)
     take = load(path)
     assert take.markers == skeleton.names
     assert take.rate == pytest.approx(120.0, rel=1e-12)

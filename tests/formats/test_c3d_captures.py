@@ -114,7 +114,7 @@ def test_captures_agree_with_ezc3d(witness: dict[Path, np.ndarray]) -> None:
         take = c3d.read(path, ReadOptions())
         document = take.origin.document  # type: ignore[union-attr]
         stored = take.positions / (1000.0 if document.factor == 1000.0 else 1.0)
-        expected = witness[path][: len(stored), document.places()]
+        expected = witness[path][: len(stored), document.marker_points()]
         assert expected.shape == stored.shape, path.name
         trusted = take.trusted
         np.testing.assert_allclose(stored[trusted], expected[trusted], rtol=1e-6, atol=1e-4, err_msg=path.name)

@@ -2,9 +2,9 @@
 
     python -m tests.fuzz [--inputs 10000] [--first 0] [--workers 1] [--captures ../shared/data] [--found fuzz-found]
 
-An input is made by its seed alone, so that a finding can be had again with ``--first SEED --inputs 1``. What counts as
-one: an exception but our own errors, a warning of the arithmetic, more than 5 s of processor time, more than 1 GiB of
-memory, the end of the process, an output beside a refusal, or one that cannot be read. Exit code 1 if there is any.
+An input depends on its seed alone: ``--first SEED --inputs 1`` makes a finding again. A finding is: an exception other
+than MocapcleanError, a warning of the arithmetic, more than 5 s of processor time, more than 1 GiB of memory, the end
+of the process, an output although the take was refused, or an output that cannot be read. Exit code 1 if there is any.
 """
 
 import os

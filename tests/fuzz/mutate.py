@@ -1,4 +1,4 @@
-"""Capture files made wrong, each by its seed alone."""
+"""Faults in capture files; a fault depends on the random generator alone."""
 
 import random
 import re
@@ -16,108 +16,108 @@ Mutator = Callable[[random.Random, bytearray, Sequence[bytes]], None]
 
 
 def mutate(rng: random.Random, content: bytes, others: Sequence[bytes], text: bool) -> bytes:
-    """One to eight faults in a file; others: files that pieces are taken from."""
-    found = bytearray(content)
+    """Return a file with one to eight faults; others: files from which bytes and lines are spliced in."""
+    mutated = bytearray(content)
     mutators = TEXT if text else BINARY
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
-        rng.choice(mutators)(rng, found, others)
-    return bytes(found)
+        rng.choice(mutators)(rng, mutated, others)
+    return bytes(mutated)
 
 
-def _place(rng: random.Random, found: bytearray) -> int:
-    """A place, most often near the front, where a file says what it holds."""
-    most = rng.choice((64, 512, 2048, len(found), len(found)))
-    return rng.randrange(max(1, min(most, len(found))))
+def _place(rng: random.Random, content: bytearray) -> int:
+    """Return a byte, most often near the front, where a file declares its content."""
+    most = rng.choice((64, 512, 2048, len(content), len(content)))
+    return rng.randrange(max(1, min(most, len(content))))
 
 
-def _bit(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found)
-    found[at : at + 1] = bytes([(found[at] if found else 0) ^ 1 << rng.randrange(8)])
+def _bit(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content)
+    content[at : at + 1] = bytes([(content[at] if content else 0) ^ 1 << rng.randrange(8)])
 
 
-def _byte(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found)
-    found[at : at + 1] = bytes([rng.choice((0, 1, 2, 80, 84, 127, 128, 254, 255, rng.randrange(256)))])
+def _byte(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content)
+    content[at : at + 1] = bytes([rng.choice((0, 1, 2, 80, 84, 127, 128, 254, 255, rng.randrange(256)))])
 
 
-def _word(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found) & ~1
-    found[at : at + 2] = struct.pack(rng.choice("<>") + "H", rng.choice((*WORDS, rng.randrange(65536))))
+def _word(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content) & ~1
+    content[at : at + 2] = struct.pack(rng.choice("<>") + "H", rng.choice((*WORDS, rng.randrange(65536))))
 
 
-def _float(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found) & ~3
-    found[at : at + 4] = struct.pack(rng.choice("<>") + "f", rng.choice(DOUBLES))
+def _float(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content) & ~3
+    content[at : at + 4] = struct.pack(rng.choice("<>") + "f", rng.choice(DOUBLES))
 
 
-def _cut(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    del found[rng.choice((_place(rng, found), rng.randrange(len(found) + 1))) :]
+def _cut(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    del content[rng.choice((_place(rng, content), rng.randrange(len(content) + 1))) :]
 
 
-def _remove(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found)
-    del found[at : at + rng.choice((1, 2, 4, 16, 512, 4096))]
+def _remove(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content)
+    del content[at : at + rng.choice((1, 2, 4, 16, 512, 4096))]
 
 
-def _repeat(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found)
-    piece = found[at : at + rng.choice((1, 2, 4, 64, 512))]
-    found[at:at] = piece * rng.choice((1, 2, 50))
+def _repeat(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content)
+    piece = content[at : at + rng.choice((1, 2, 4, 64, 512))]
+    content[at:at] = piece * rng.choice((1, 2, 50))
 
 
-def _splice(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
+def _splice(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
     other = rng.choice(others)
     size = rng.choice((16, 512, 4096))
-    at, start = _place(rng, found), rng.randrange(max(1, len(other)))
-    found[at : at + size] = other[start : start + size]
+    at, start = _place(rng, content), rng.randrange(max(1, len(other)))
+    content[at : at + size] = other[start : start + size]
 
 
-def _noise(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    at = _place(rng, found)
+def _noise(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    at = _place(rng, content)
     size = rng.choice((1, 8, 64, 1024))
-    found[at : at + size] = rng.randbytes(size)
+    content[at : at + size] = rng.randbytes(size)
 
 
-def _number(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    _token(rng, found, rb"[-+0-9.eE]+", rng.choice(NUMBERS))
+def _number(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    _token(rng, content, rb"[-+0-9.eE]+", rng.choice(NUMBERS))
 
 
-def _name(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    words = re.findall(rb"[A-Za-z:_]\w*", bytes(found[:4096])) or [b"x"]
-    _token(rng, found, rb"[A-Za-z:_]\w*", rng.choice((*words, *NAMES)))
+def _name(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    words = re.findall(rb"[A-Za-z:_]\w*", bytes(content[:4096])) or [b"x"]
+    _token(rng, content, rb"[A-Za-z:_]\w*", rng.choice((*words, *NAMES)))
 
 
-def _mark(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    _token(rng, found, rb"[{}()#:]|\r?\n", rng.choice(MARKS))
+def _mark(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    _token(rng, content, rb"[{}()#:]|\r?\n", rng.choice(MARKS))
 
 
-def _line(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    lines = bytes(found).splitlines(keepends=True) or [b""]
+def _line(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    lines = bytes(content).splitlines(keepends=True) or [b""]
     at = rng.randrange(min(len(lines), rng.choice((10, 100, len(lines)))))
-    other = bytes(rng.choice((*others, bytes(found)))).splitlines(keepends=True) or [b""]
+    other = bytes(rng.choice((*others, bytes(content)))).splitlines(keepends=True) or [b""]
     lines[at : at + rng.choice((0, 1, 1, 5))] = [[], [lines[at]] * 2, [rng.choice(other)]][rng.randrange(3)]
-    found[:] = b"".join(lines)
+    content[:] = b"".join(lines)
 
 
-def _encode(rng: random.Random, found: bytearray, others: Sequence[bytes]) -> None:
-    content = bytes(found)
-    kinds = (
-        lambda: b"\xef\xbb\xbf" + content,
-        lambda: content.replace(b"\n", b"\r\n"),
-        lambda: content.replace(b"\n", b"\r"),
-        lambda: content.decode("latin-1").encode("utf-16"),
-        lambda: content.replace(b" ", b"\t"),
-        lambda: content.upper(),
-        lambda: content.replace(b".", b","),
+def _encode(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
+    text = bytes(content)
+    encodings = (
+        lambda: b"\xef\xbb\xbf" + text,
+        lambda: text.replace(b"\n", b"\r\n"),
+        lambda: text.replace(b"\n", b"\r"),
+        lambda: text.decode("latin-1").encode("utf-16"),
+        lambda: text.replace(b" ", b"\t"),
+        lambda: text.upper(),
+        lambda: text.replace(b".", b","),
     )
-    found[:] = rng.choice(kinds)()
+    content[:] = rng.choice(encodings)()
 
 
-def _token(rng: random.Random, found: bytearray, pattern: bytes, new: bytes) -> None:
-    start = _place(rng, found)
-    match = re.compile(pattern).search(bytes(found), start)
+def _token(rng: random.Random, content: bytearray, pattern: bytes, new: bytes) -> None:
+    start = _place(rng, content)
+    match = re.compile(pattern).search(bytes(content), start)
     if match:
-        found[match.start() : match.end()] = new
+        content[match.start() : match.end()] = new
 
 
 BINARY: tuple[Mutator, ...] = (_bit, _byte, _word, _word, _float, _cut, _remove, _repeat, _splice, _noise)

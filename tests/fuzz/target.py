@@ -1,4 +1,4 @@
-"""One mutated input through read, detect, fill and write: our own errors, or an output that can be read."""
+"""A mutated input through read, detect, fill and write, which must end in a MocapcleanError or a readable output."""
 
 import random
 import signal
@@ -16,33 +16,37 @@ from mocapclean.pipeline.repair import repair
 from tests.fuzz.mutate import mutate
 
 SECONDS = 5.0
+"""Processor seconds that an input may take; chosen by hand."""
 LARGEST = 400_000
+"""Bytes of the largest file that is mutated."""
+LONGEST = 600
+"""Lines that are kept of a text."""
 SETTINGS = Settings(method="linear", self_check=False, overwrite=True)
 
 
 @lru_cache
 def corpus(folders: tuple[Path, ...], kind: str) -> list[bytes]:
-    """The files of a kind (c3d, bvh, amc, asf) in folders, but for large ones; long texts are cut after some lines."""
+    """Return the files of a kind (c3d, bvh, amc, asf) in folders, without large files; long texts are cut."""
     paths = {path for folder in folders for path in folder.rglob("*") if path.suffix.lower() == f".{kind}"}
     found = [path.read_bytes() for path in sorted(paths)]
     if kind != "c3d":
-        found = [b"".join(content.splitlines(keepends=True)[:600]) for content in found]
+        found = [b"".join(content.splitlines(keepends=True)[:LONGEST]) for content in found]
     return [content for content in found if len(content) <= LARGEST]
 
 
 class HangError(Exception):
-    """An input took more processor time than any may."""
+    """An input took too much processor time."""
 
 
 @dataclass(frozen=True)
 class Fuzz:
-    """Try the input of a seed; the answer is what went wrong, or "refused" or "repaired"."""
+    """Try the input of a seed: "refused" or "repaired", or an exception."""
 
     folders: tuple[Path, ...]
     found: Path
 
     def __call__(self, seed: int) -> str:
-        """Mutate and repair; an input that breaks something is kept in the folder ``found``."""
+        """Mutate and repair; an input that raises is kept in the folder ``found``."""
         with tempfile.TemporaryDirectory() as place:
             source = self.input(seed, Path(place))
             output = Path(place) / f"out{source.suffix}"
@@ -63,10 +67,10 @@ class Fuzz:
             return "repaired"
 
     def undo(self, seed: int) -> None:
-        """Nothing: what a lost process leaves is in a temporary folder."""
+        """Do nothing: what a lost process leaves is in a temporary folder."""
 
     def input(self, seed: int, place: Path) -> Path:
-        """The mutated file of a seed, in a folder, made from the smaller of two, so that more are tried in a time."""
+        """Return the mutated file of a seed, in a folder, made from the smaller of two files to save time."""
         rng = random.Random(seed)
         kind = rng.choice(("c3d", "c3d", "bvh", "amc"))
         kinds = (kind, "asf") if kind == "amc" else (kind,)
@@ -80,7 +84,7 @@ class Fuzz:
 
 @contextmanager
 def _hurry() -> Iterator[None]:
-    """Raise HangError after so much processor time."""
+    """Raise HangError in the block after ``SECONDS`` of processor time."""
 
     def late(number: int, frame: object) -> None:
         raise HangError

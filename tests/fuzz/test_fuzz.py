@@ -1,4 +1,4 @@
-"""A few mutated samples in every run of the tests, and that a fault in the program would be found by them."""
+"""A few mutated samples, and faults of the program that they must detect."""
 
 from pathlib import Path
 

@@ -180,7 +180,7 @@ def test_missing_channels_are_given_numbers_and_the_others_are_kept(skeleton, rn
     assert not nothing.changed.any()
 
 
-def test_a_joint_that_cannot_be_fitted_is_left_and_told(rng):
+def test_a_joint_that_cannot_be_fitted_is_left_and_reported(rng):
     skeleton = body()
     poses = motion(skeleton, rng)
     truth, _ = forward(skeleton, poses)

@@ -80,10 +80,10 @@ def test_a_missing_channel_spoils_what_it_decides_and_nothing_else(skeleton, rng
 
 def test_bones_are_what_every_pose_keeps(skeleton, rng):
     positions, _ = forward(skeleton, rng.uniform(-90, 90, (20, 7)))
-    found = skeleton.bones()
-    assert [(b.start, b.end, b.length) for b in found] == [
+    bones = skeleton.bones()
+    assert [(b.start, b.end, b.length) for b in bones] == [
         ("root", "upper", 300), ("upper", "rigid", 10), ("rigid", "fore", 250)
     ]  # fmt: skip
-    for bone in found:
+    for bone in bones:
         start, end = (skeleton.names.index(name) for name in (bone.start, bone.end))
         np.testing.assert_allclose(np.linalg.norm(positions[:, end] - positions[:, start], axis=1), bone.length)

@@ -1,21 +1,28 @@
-"""What a C3D file says of its points: their names, which are markers, unit, rate and frame count."""
+"""The points of a C3D file: their names, which of them are markers, their unit, rate and number of frames."""
 
 import math
 import re
 from pathlib import Path
 
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats.c3d.header import BLOCK, Header, Parameters
+from mocapclean.formats.c3d.header import BLOCK, FRAMES_BYTE, MOST_COUNT, RELATIVE_TOLERANCE, Header, Parameters
 from mocapclean.take import Finding, ReadOptions
 from mocapclean.take.names import bare_name, similar_names
 
 NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
+"""Parameters of the group POINT that list points which are computed, not captured (C3D user guide, type groups)."""
 UNLABELLED = re.compile(r"\*\d+")
+"""The name that Vicon software gives to a trajectory without a label."""
 MILLIMETRES = ((r"mm|millim.*", 1.0), (r"cm|centim.*", 10.0), (r"m|mete?|met(er|re)s?", 1000.0))
+"""Spellings of POINT:UNITS, and the millimetres that they stand for."""
+SHOWN_NAMES = 5
+"""Names that a message shows of a longer list."""
+NAME_SIMILARITY = 0.5
+"""The least similarity of a suggestion, from 0 to 1 (difflib). Chosen by hand."""
 
 
 def point_names(header: Header) -> tuple[list[str], list[Finding]]:
-    """A distinct name for every point, as stored where possible, and what had to be made up."""
+    """Return a distinct name for every point, as stored where possible, and a finding for names that were made up."""
     stored = _all_labels(header.parameters, "LABELS")[: header.n_points]
     stored += [""] * (header.n_points - len(stored))
     names: list[str] = []
@@ -40,13 +47,14 @@ def point_names(header: Header) -> tuple[list[str], list[Finding]]:
 def choose_markers(
     path: Path, header: Header, names: list[str], options: ReadOptions
 ) -> tuple[list[int], list[Finding]]:
-    """The indices of the points that are markers or were asked for, and how many others there are.
+    """Return the indices of the points that are markers or were asked for, and a finding for the others.
 
     Unlabelled points count as markers only in a file that has no others. Raises UsageError for a name in
     ``options.points`` that no point has, FormatError when nothing is left.
     """
     _check_asked(path, names, options)
     listed = _listed(header.parameters)
+    # A label counts as listed with or without its ``Subject:`` prefix on either side.
     bare = {bare_name(label) for label in listed if ":" in label}
     labels = list(enumerate(_all_labels(header.parameters, "LABELS")[: len(names)]))
     other = {i for i, label in labels if {label, bare_name(label)} & listed or (":" not in label and label in bare)}
@@ -72,33 +80,34 @@ def choose_markers(
 
 
 def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:
+    """Raise UsageError, with names that are near, for a point asked for that the file does not have."""
     known = set(names)
     for wanted in options.points:
         if wanted not in known:
-            near = similar_names(wanted, names, cutoff=0.5)
+            near = similar_names(wanted, names, cutoff=NAME_SIMILARITY)
             hint = f"Near it: {', '.join(near)}." if near else f"The file has {_few(names)}."
             raise UsageError(f"{path}: points to read must be points of the file. Got {wanted!r}. {hint}")
 
 
 def millimetres_per_unit(header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
-    """What POINT:UNITS stands for; millimetres, with a finding, when it is blank or unknown."""
+    """Return the millimetres of POINT:UNITS; the option or else 1, with a finding, when it is blank or unknown."""
     stored = header.parameters.strings("POINT:UNITS")
     unit = next((text for text in stored if text), "")
     for pattern, factor in MILLIMETRES:
         if re.fullmatch(pattern, unit.lower()):
             return factor, []
-    told = f"POINT:UNITS must be mm, cm or m. Got {unit!r}" if unit else "POINT:UNITS is blank or absent"
+    fault = f"POINT:UNITS must be mm, cm or m. Got {unit!r}" if unit else "POINT:UNITS is blank or absent"
     finding = Finding(
         rule="units",
         level="warning",
-        message=f"{told}; positions are taken as millimetres.",
+        message=f"{fault}; positions are taken as millimetres.",
         advice="Compare a known distance, such as between two markers on one bone.",
     )
     return options.unit or 1.0, [finding]
 
 
 def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
-    """Frames per second exactly as POINT:RATE, or else the header, has it.
+    """Return the frames per second exactly as POINT:RATE, or else the header, has it; a given rate comes first.
 
     Raises FormatError when neither is finite and positive and no rate was given.
     """
@@ -109,7 +118,7 @@ def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float,
     if not usable:
         got = " and ".join(f"{rate:g}" for rate in stored)
         raise FormatError(path, f"the frame rate must be finite and positive. Got {got}. Give one with --rate.")
-    if len(usable) == len(stored) and math.isclose(min(usable), max(usable), rel_tol=1e-5):
+    if len(usable) == len(stored) and math.isclose(min(usable), max(usable), rel_tol=RELATIVE_TOLERANCE):
         return usable[0], []
     message = f"POINT:RATE and the header's rate should agree. Got {', '.join(f'{rate:g}' for rate in stored)}."
     finding = Finding(rule="rate", level="warning", message=message, advice="If it is wrong, give --rate.")
@@ -117,57 +126,60 @@ def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float,
 
 
 def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, list[Finding]]:
-    """The number of frames, the number of the first one, and what does not agree.
+    """Return the number of frames, the number of the first frame, and findings for counts that do not agree.
 
-    The file claims the count in up to four places; the first claim that fills the file to its last block is true,
-    else the first that fits in it, where a claim beyond 16 bits makes those within them worthless. ``stride`` is
-    bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any claim is met.
+    A file states its count in up to four places. The first count that fills the file to its last block is right, else
+    the first count that fits in it. A count beyond 16 bits makes counts within 16 bits worthless: they overflowed.
+    stride: bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any
+    count is reached.
     """
-    held, rest = divmod(header.size - header.data_start, stride)
+    n_whole, rest = divmod(header.size - header.data_start, stride)
     trial_start, trial_stop = (
         _long(header.parameters.numbers(f"TRIAL:ACTUAL_{end}_FIELD")) for end in ("START", "END")
     )
-    claims = {
+    counts = {
         "TRIAL:ACTUAL_END_FIELD": trial_stop - trial_start + 1 if trial_stop and trial_start else 0,
         "POINT:LONG_FRAMES": _long(header.parameters.numbers("POINT:LONG_FRAMES")),
         "the header": header.last_frame - header.first_frame + 1,
         "POINT:FRAMES": _long(header.parameters.numbers("POINT:FRAMES")[:1]),
     }
-    claims = {place: count for place, count in claims.items() if count > 0}
-    exact = [n for n in claims.values() if 0 <= (held - n) * stride + rest <= BLOCK]
-    least = 65536 if max(claims.values(), default=0) > 65535 else 1
-    fitting = exact or [n for n in claims.values() if least <= n <= held]
-    told = ", ".join(f"{place} says {count}" for place, count in claims.items())
-    if not claims or (not fitting and held == 0):
-        raise FormatError(path, f"a take must have frames. Got none: {told or 'no place names any'}.", byte=6)
+    counts = {place: count for place, count in counts.items() if count > 0}
+    exact = [n for n in counts.values() if 0 <= (n_whole - n) * stride + rest <= BLOCK]
+    least = MOST_COUNT + 1 if max(counts.values(), default=0) > MOST_COUNT else 1
+    fitting = exact or [n for n in counts.values() if least <= n <= n_whole]
+    stated = ", ".join(f"{place} has {count}" for place, count in counts.items())
+    if not counts or (not fitting and n_whole == 0):
+        raise FormatError(
+            path, f"a take must have frames. Got none: {stated or 'no place names any'}.", byte=FRAMES_BYTE
+        )
     if not fitting and rest:
         raise FormatError(
             path,
-            f"the file must hold all its frames. Got {held} and a part of one more, while {told}; it was cut off: "
+            f"the file must hold all its frames. Got {n_whole} and a part of one more, while {stated}; it was cut off: "
             "get it again from its source.",
-            byte=header.data_start + held * stride,
+            byte=header.data_start + n_whole * stride,
         )
-    count = fitting[0] if fitting else held
-    is_trial = claims.get("TRIAL:ACTUAL_END_FIELD") == count
+    count = fitting[0] if fitting else n_whole
+    is_trial = counts.get("TRIAL:ACTUAL_END_FIELD") == count
     first_frame = trial_start if is_trial else header.first_frame
     if not fitting:
-        message = f"The file ends after frame {count} although {told}; the frames that are there were read."
+        message = f"The file ends after frame {count} although {stated}; the frames that are there were read."
         return count, first_frame, [Finding(rule="frames", level="warning", message=message)]
-    if exact and len(set(claims.values())) == 1:
+    if exact and len(set(counts.values())) == 1:
         return count, first_frame, []
-    message = f"{count} frames were read; the file holds bytes for {held}, and {told}."
+    message = f"{count} frames were read; the file holds bytes for {n_whole}, and {stated}."
     return count, first_frame, [Finding(rule="frames", level="info" if exact else "warning", message=message)]
 
 
 def _long(numbers: list[float]) -> int:
-    """A count kept as one number or as two 16-bit halves, low half first; 0 if there is none."""
+    """Return a count that is stored as one number or as two 16-bit halves, the low half first; 0 if there is none."""
     if not numbers or not all(math.isfinite(x) and x >= 0 for x in numbers[:2]):
         return 0
-    return int(numbers[0]) + (65536 * int(numbers[1]) if len(numbers) > 1 else 0)
+    return int(numbers[0]) + ((MOST_COUNT + 1) * int(numbers[1]) if len(numbers) > 1 else 0)
 
 
 def _all_labels(parameters: Parameters, name: str) -> list[str]:
-    """POINT:NAME with its continuations POINT:NAME2, POINT:NAME3, ..."""
+    """Return the labels of POINT:NAME and its continuations POINT:NAME2, POINT:NAME3, ..., which hold 255 each."""
     labels = parameters.strings(f"POINT:{name}")
     number = 2
     while f"POINT:{name}{number}" in parameters.entries:
@@ -177,11 +189,15 @@ def _all_labels(parameters: Parameters, name: str) -> list[str]:
 
 
 def _listed(parameters: Parameters) -> set[str]:
-    """The labels of all points that POINT's groups say are something else than captured markers."""
+    """Return the labels of all points that are listed as something else than captured markers.
+
+    POINT:TYPE_GROUPS holds pairs: the parameter that lists points, and what they are.
+    """
     groups = [*NOT_MARKERS, *parameters.strings("POINT:TYPE_GROUPS")[::2]]
     return {label for group in dict.fromkeys(groups) for label in _all_labels(parameters, group.upper())} - {""}
 
 
 def _few(names: list[str]) -> str:
-    shown = ", ".join(names[:5])
-    return shown if len(names) <= 5 else f"{shown} and {len(names) - 5} more"
+    """Return the first names of a list, and how many more there are."""
+    shown = ", ".join(names[:SHOWN_NAMES])
+    return shown if len(names) <= SHOWN_NAMES else f"{shown} and {len(names) - SHOWN_NAMES} more"

@@ -2,7 +2,7 @@
 
 Sources: the C3D file format user guide (Motion Lab Systems, 2008, c3d.org), chapters on the parameter section and
 on 3D data; Digital Equipment Corporation, VAX Architecture Reference Manual (1987) for the F_floating word, which
-is an IEEE single with its 16-bit halves swapped and an exponent bias larger by two.
+is an IEEE single with its 16-bit halves swapped, of four times the value.
 """
 
 from dataclasses import dataclass
@@ -15,16 +15,29 @@ from mocapclean.arrays import Bools, Floats
 
 Raw = NDArray[Any]
 
-INTEL, DEC, MIPS = 84, 85, 86
+INTEL = 84
+"""Processor type of little-endian IEEE numbers (C3D user guide, chapter on the parameter section)."""
+DEC = 85
+"""Processor type of little-endian integers and VAX F_floating numbers."""
+MIPS = 86
+"""Processor type of big-endian IEEE numbers (SGI)."""
 MACHINES = (INTEL, DEC, MIPS)
-EXPONENT = np.uint32(0x7F800000)
-SIGN = np.uint32(0x80000000)
-HALF = np.uint32(16)
+
+EXPONENT_BITS = np.uint32(0x7F800000)
+"""The eight exponent bits of an IEEE 754 single, and of an F_floating word with its halves swapped."""
+SIGN_BIT = np.uint32(0x80000000)
+HALF_WORD = np.uint32(16)
+"""Bits of a half of a 32-bit word, which the VAX stores in the other order."""
+VAX_FACTOR = 4.0
+"""An F_floating word with its halves swapped is an IEEE single of four times the value: its exponent bias is larger by
+one, and its fraction is 0.1m instead of 1.m."""
+LARGEST_INTEGER = 32767.0
+"""The largest magnitude of a 16-bit integer that has a negative of the same size."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Words:
-    """One of the six encodings of a number, between the raw words of a file and native numbers."""
+    """The encoding of the numbers of a file: that of one of three machines, floats or integers."""
 
     machine: int
     is_float: bool
@@ -38,14 +51,15 @@ class Words:
     def limit(self) -> float:
         """The largest magnitude that a word holds."""
         if not self.is_float:
-            return 32767.0
-        return float(np.finfo(np.float32).max) / (4.0 if self.machine == DEC else 1.0)
+            return LARGEST_INTEGER
+        return float(np.finfo(np.float32).max) / (VAX_FACTOR if self.machine == DEC else 1.0)
 
     def decode(self, raw: Raw) -> NDArray[Any]:
-        """Native float32 or int16 numbers of raw words; a reserved DEC operand is NaN, a dirty DEC zero is 0.
+        """Return the native float32 or int16 numbers of raw words.
 
-        DEC words of the highest exponent (above 8e37) are read as infinite or NaN, which is what careless
-        converters meant by them.
+        A reserved operand of the VAX (exponent 0, sign 1) is NaN, a dirty zero (exponent 0, sign 0) is 0. VAX words of
+        the highest exponent (above 8e37) are read as infinite or NaN: converters that only swap halves and add to the
+        exponent make them of those IEEE values.
         """
         native = raw.astype(raw.dtype.newbyteorder("="), copy=False)
         if not self.is_float:
@@ -53,7 +67,7 @@ class Words:
         return _from_dec(native) if self.machine == DEC else native.view(np.float32)
 
     def encode(self, numbers: Floats) -> Raw:
-        """Raw words of numbers within ``limit``, rounded to the nearest that the word can hold."""
+        """Return the raw words of numbers within ``limit``, rounded to the nearest that a word can hold."""
         if not self.is_float:
             return np.rint(numbers).astype(np.int16).view(np.uint16).astype(self.raw)
         if self.machine == DEC:
@@ -62,31 +76,34 @@ class Words:
 
 
 def _from_dec(words: NDArray[np.uint32]) -> NDArray[np.float32]:
-    swapped = (words << HALF) | (words >> HALF)
+    """Return the numbers of F_floating words: halves swapped, read as IEEE, divided by four."""
+    swapped = (words << HALF_WORD) | (words >> HALF_WORD)
     with np.errstate(invalid="ignore"):
-        values = swapped.view(np.float32) * np.float32(0.25)
-    odd = ((swapped & EXPONENT) == 0) & (swapped != 0)
-    if odd.any():
-        values[odd] = np.where(swapped[odd] & SIGN, np.float32(np.nan), np.float32(0.0))
+        values = swapped.view(np.float32) * np.float32(1.0 / VAX_FACTOR)
+    # Exponent 0 is no subnormal number on a VAX: with sign a reserved operand, without it zero whatever the fraction.
+    special = ((swapped & EXPONENT_BITS) == 0) & (swapped != 0)
+    if special.any():
+        values[special] = np.where(swapped[special] & SIGN_BIT, np.float32(np.nan), np.float32(0.0))
     return values
 
 
 def _to_dec(numbers: Floats) -> NDArray[np.uint32]:
-    words = (numbers * 4.0).astype(np.float32).view(np.uint32)
-    words = np.where((words & EXPONENT) == 0, np.uint32(0), words)
-    return (words << HALF) | (words >> HALF)
+    """Return the F_floating words of numbers; those too small for a normal IEEE single become zero."""
+    words = (numbers * VAX_FACTOR).astype(np.float32).view(np.uint32)
+    words = np.where((words & EXPONENT_BITS) == 0, np.uint32(0), words)
+    return (words << HALF_WORD) | (words >> HALF_WORD)
 
 
 def present(samples: NDArray[Any]) -> Bools:
-    """Which samples (..., 4) of x, y, z and residual word hold a position.
+    """Return which samples (..., 4) of x, y, z and residual word hold a position.
 
-    Makers write "missing" in three ways: a negative residual word, exactly 0, 0, 0, or a coordinate that is
+    Three marks of a missing sample are in use: a negative residual word, exactly 0, 0, 0, and a coordinate that is
     not finite.
     """
     x, y, z, residual = (samples[..., i] for i in range(4))
-    found: Bools = (x != 0) | (y != 0) | (z != 0)
-    found &= ~(residual < 0)
+    holds: Bools = (x != 0) | (y != 0) | (z != 0)
+    holds &= ~(residual < 0)
     if samples.dtype.kind == "f":
         for coordinate in (x, y, z):
-            found &= np.isfinite(coordinate)
-    return found
+            holds &= np.isfinite(coordinate)
+    return holds

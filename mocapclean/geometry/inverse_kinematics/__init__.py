@@ -1,6 +1,9 @@
-"""Inverse kinematics: joint angles fitted to joint positions without moving what is trusted.
+"""Inverse kinematics: joint angles fitted to joint positions without moving the joints that must stay.
 
-Which angles are free, from where they start, and what happens when the trusted joints cannot be held.
+A fit is a constrained least-squares problem for each frame: wanted joints are brought to their targets, fixed joints
+are constraints. This module chooses the free channels and the start of each attempt, and widens or gives up what
+violates a constraint. The steps of an attempt are in ``euler`` (the start over a gap), ``aiming`` (chains turned
+towards their targets) and ``least_squares`` (damped least squares).
 """
 
 from dataclasses import dataclass
@@ -8,27 +11,62 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, runs
-from mocapclean.geometry.inverse_kinematics.aiming import aim, bridge, rotations_of, shifts_of, smoothest
-from mocapclean.geometry.inverse_kinematics.refining import refine
+from mocapclean.geometry.inverse_kinematics.aiming import aim
+from mocapclean.geometry.inverse_kinematics.euler import bridge, rotations_of, smoothest
+from mocapclean.geometry.inverse_kinematics.free_channels import channels_to_reach
+from mocapclean.geometry.inverse_kinematics.least_squares import least_squares
 from mocapclean.geometry.skeleton import Skeleton, influence, move
 
-SWING, SUBTREE = 3, 6  # degrees of freedom that turn one joint at will; that do so and keep what hangs on it
-WIDER = 3  # more of them where the first choice cannot hold the fixed joints
-CHOICES = 2  # after which a joint is left as it is
-ATTEMPTS = 5  # for one choice: the first from scratch, the others from the frames that came out well
-SMOOTHING = 2  # of these also solve again what jumps
-ALONE = 3  # and from this one on the start is aimed at the fixed joints only
-PATIENCE = 4  # rounds in which only the joint that was lost farthest counts
-SLACK = 1e-4  # mm² per degree² or mm² that a free channel is held to its start
-FIRM = 1e-2  # the same in further attempts: angles that positions hardly show should not jump
-STIFF = 1e3  # the same for a steady shift while the first choice lasts: bones keep their lengths
-STEADY = 0.01  # mm
-MARGIN = 0.98  # of the tolerance: the rest is for the spelling of the numbers
+# All numbers below were chosen by hand and no sweep was kept; tests/geometry/test_inverse_kinematics.py holds what
+# they achieve.
+
+LEVELS = 2
+"""Sets of free channels that are tried for a joint, narrow to wide, before its run of frames is given up."""
+EXTRA_FREEDOMS = 3
+"""Degrees of freedom by which each level widens the set of the one before."""
+ATTEMPTS = 5
+"""Attempts at one set of free channels: the first from the frames around, the others from frames that came out well."""
+ATTEMPTS_AT_JUMPS = 2
+"""Attempts after which frames at jumps of an angle are solved again, although they hold all constraints."""
+AIM_AT_FIXED_FROM = 3
+"""The attempt, from 0, from which chains are aimed at the fixed joints alone: constraints before targets."""
+FARTHEST_ROUNDS = 4
+"""Rounds in which, of the fixed joints that moved in a frame, only the farthest counts: others may have given way."""
+
+START_WEIGHT = 1e-4
+"""mm² per degree² or mm²: pull of a free channel towards its start in the first attempt, too weak to move a joint."""
+LATER_START_WEIGHT = 1e-2
+"""The same in further attempts, so that angles which hardly move any joint do not jump between frames."""
+LENGTH_WEIGHT = 1e3
+"""The same for a bone's length that is stored as steady position channels: lengths yield last, at the wider level."""
+STEADY_MM = 0.01
+"""Millimetres: position channels that vary by less over the known frames are lengths of a bone."""
+TOLERANCE_SHARE = 0.98
+"""Share of the tolerance that a fit may use: the rest is left for the rounding of the numbers in the file."""
+UNCHANGED = 1e-9
+"""Degrees or millimetres: a free channel that changed by less keeps its number."""
+
+KNOWN_STEPS = 30
+"""Known steps of an angle, frame to frame, above which their own quantile sets the limit of a jump."""
+STEP_QUANTILE = 0.99
+"""Quantile of the known steps of an angle that stands for its fastest regular motion."""
+JUMP_FACTOR = 4
+"""A jump is a step of more than this many times that quantile."""
+LEAST_JUMP = 5.0
+"""Degrees from one frame to the next: a smaller step is never a jump."""
+MOST_JUMP = 30.0
+"""Degrees from one frame to the next: a larger step is always a jump; the limit where few steps are known."""
+FRAMES_BEFORE_JUMP = 1
+"""Frames before the first frame of a jump that are solved again."""
+FRAMES_FROM_JUMP = 3
+"""Frames from the first frame of a jump on that are solved again."""
+CLOSE_JUMPS = 20
+"""Frames: jumps closer than this enclose frames on a wrong branch, which are all solved again."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fit:
-    """Refitted poses.
+class FittedPoses:
+    """The result of a fit.
 
     poses: (F, C) degrees and millimetres, NaN where the file has no value and none was needed. changed: (F, C) bool,
     the numbers that were rewritten. fitted: (F, J) bool, the wanted joints that were brought as near to their
@@ -48,205 +86,179 @@ def fit(
     wanted: Bools,
     *,
     tolerance: float = 0.1,
-) -> Fit:
-    """Rewrite the joint angles that bring ``wanted`` joints to their targets while ``fixed`` ones stay.
+) -> FittedPoses:
+    """Return poses that bring ``wanted`` joints to their targets while ``fixed`` joints stay.
 
     poses: (F, C) degrees and millimetres, NaN where the file has no value. targets: (F, J, 3) millimetres, read
-    where fixed or wanted. fixed, wanted: (F, J) bool. tolerance: millimetres that a fixed joint may move; where that
-    cannot be kept, the runs of wanted frames of the joints concerned are left as they were.
+    where fixed or wanted. fixed, wanted: (F, J) bool. tolerance: millimetres that a fixed joint may move. Where the
+    tolerance cannot be kept, the runs of wanted frames of the joints concerned keep their poses.
 
-    Free are the missing channels that decide a wanted joint or, where there are none, the rotations that move the
-    joint, up to the third degree of freedom or more, and those that keep in place what hangs on them. The values of
-    free channels are never read. They start from a bridge over the frames in which they are free (``bridge``), aimed
-    at the targets (``aim``), and end where the least squares do (``refine``).
+    The missing channels that decide a wanted joint are free. Where there are none, the rotations that move the joint
+    are free, up to the third degree of freedom or more, with those that hold the subtrees they carry. The values of
+    free channels are never read. They start from a bridge over the frames in which they are free, are aimed at the
+    targets, and end at the minimum of the least squares.
     """
-    work = _Fitting(skeleton, poses, targets, fixed, wanted, tolerance)
-    dirty: Bools = np.asarray(work.wanted.any(axis=1))
-    patience = PATIENCE
-    while dirty.any():
-        work.choose(dirty)
-        dirty = work.blame(work.settle(dirty), farthest=patience > 0)
-        patience -= 1
-    fitted = work.continued()
-    changed = work.free & ~(np.abs(fitted - poses) <= 1e-9)
-    return Fit(poses=np.where(changed, fitted, poses), changed=changed, fitted=work.wanted)
+    state = _Fitting(skeleton, poses, targets, fixed, wanted, tolerance)
+    unsolved: Bools = np.asarray(state.wanted.any(axis=1))
+    rounds = 0
+    while unsolved.any():
+        state.choose_free(unsolved)
+        violations = state.solve(unsolved)
+        unsolved = state.widen_or_give_up(violations, farthest=rounds < FARTHEST_ROUNDS)
+        rounds += 1
+    fitted = state.without_jumps()
+    changed = state.free & ~(np.abs(fitted - poses) <= UNCHANGED)
+    return FittedPoses(poses=np.where(changed, fitted, poses), changed=changed, fitted=state.wanted)
 
 
 class _Fitting:
-    """The state of a fit: what is free, with which choice of channels, and the poses so far."""
+    """The state of a fit.
+
+    given: (F, C) the poses to be fitted. poses: (F, C) the poses so far. free: (F, C) bool. wanted, fixed: (F, J)
+    bool, the joints to be moved and the constraints; a joint that is given up is no longer wanted. level: (F, J)
+    which set of free channels a wanted joint has reached. channel_sets: (J, C) bool for each level. places, (J, C)
+    bool: whether a channel decides where a joint is. missing: (F, C) bool, channels without a value. explained:
+    (F, J) bool, joints that a missing channel decides, so that no other need be free.
+    """
 
     def __init__(
         self, skeleton: Skeleton, poses: Floats, targets: Floats, fixed: Bools, wanted: Bools, tolerance: float
     ) -> None:
-        self.skeleton, self.file, self.targets, self.tolerance = skeleton, poses, targets, tolerance
-        self.moved, turned = influence(skeleton)
+        self.skeleton, self.given, self.targets, self.tolerance = skeleton, poses, targets, tolerance
+        self.places, orients = influence(skeleton)
         self.missing = np.isnan(poses)
         roots = np.array(skeleton.parents)[:, None] < 0
-        self.explained = self.missing @ (self.moved | (turned & roots)).T
+        # A missing rotation of a root explains the root, although it does not move it.
+        self.explained = self.missing @ (self.places | (orients & roots)).T
         finite = np.isfinite(targets).all(axis=2)
         self.wanted = wanted & finite
-        self.fixed = fixed & finite & ~self.wanted & ~(self.missing @ self.moved.T)
-        self.reaches = [_reach(skeleton, WIDER * choice) for choice in range(CHOICES)]
-        self.choice = np.zeros(wanted.shape, dtype=np.intp)
+        # A joint that a missing channel decides has no place yet, and cannot be a constraint.
+        self.fixed = fixed & finite & ~self.wanted & ~(self.missing @ self.places.T)
+        self.channel_sets = [channels_to_reach(skeleton, EXTRA_FREEDOMS * level) for level in range(LEVELS)]
+        self.level = np.zeros(wanted.shape, dtype=np.intp)
         self.free = np.zeros(poses.shape, dtype=bool)
         self.poses = poses.copy()
-        self.turns = np.array([c.is_rotation for c in skeleton.channels], dtype=bool)
-        self.inner = np.array([skeleton.parents[c.joint] >= 0 for c in skeleton.channels], dtype=bool)
+        self.is_rotation = np.array([c.is_rotation for c in skeleton.channels], dtype=bool)
+        self.below_root = np.array([skeleton.parents[c.joint] >= 0 for c in skeleton.channels], dtype=bool)
 
-    def _asks(self, choice: int) -> Bools:
-        """The wanted joints (F, J) that free the channels of this choice."""
-        asks = self.wanted & (self.choice == choice)
-        return np.asarray(asks & ~self.explained if choice == 0 else asks)
+    def _joints_at(self, level: int) -> Bools:
+        """Return the wanted joints (F, J) that free the channels of a level."""
+        joints = self.wanted & (self.level == level)
+        return np.asarray(joints & ~self.explained if level == 0 else joints)
 
-    def choose(self, dirty: Bools) -> None:
-        """Set free, in the dirty frames (F,), what the wanted joints need; nothing that moves no known joint."""
-        free = self.missing & (self.wanted @ self.moved)
-        for choice, reach in enumerate(self.reaches):
-            free |= self._asks(choice) @ reach
-        free &= (self.fixed | self.wanted) @ self.moved
-        self.free[dirty] = free[dirty]
-        self.poses[dirty] = self.file[dirty]
+    def choose_free(self, unsolved: Bools) -> None:
+        """Free, in the unsolved frames (F,), the channels that the wanted joints need, and reset the poses there."""
+        free = self.missing & (self.wanted @ self.places)
+        for level, channels in enumerate(self.channel_sets):
+            free |= self._joints_at(level) @ channels
+        # A channel that moves no joint with a known place cannot be determined.
+        free &= (self.fixed | self.wanted) @ self.places
+        self.free[unsolved] = free[unsolved]
+        self.poses[unsolved] = self.given[unsolved]
 
-    def settle(self, dirty: Bools) -> Floats:
-        """Solve the dirty frames (F,); how far (F, J) fixed joints moved nevertheless, zero for those held."""
-        lost = np.zeros(self.fixed.shape)
-        again = dirty & self.free.any(axis=1)
+    def solve(self, unsolved: Bools) -> Floats:
+        """Solve the unsolved frames (F,) in up to ``ATTEMPTS`` attempts.
+
+        Returns how far, (F, J) millimetres, fixed joints moved nevertheless; zero within the tolerance.
+        """
+        violations = np.zeros(self.fixed.shape)
+        again = unsolved & self.free.any(axis=1)
         for attempt in range(ATTEMPTS):
             rows = np.flatnonzero(again)
             if not len(rows):
                 break
-            trial = self._solve(again, rows, attempt)
-            gone = self._gone(trial, rows)
-            take = np.full(len(rows), attempt == 0) | lost[rows].any(axis=1) | ~gone.any(axis=1)
-            self.poses[rows[take]] = np.where(self.free[rows], trial, self.file[rows])[take]
-            lost[rows[take]] = gone[take]
-            again = np.asarray(lost.any(axis=1))
-            if attempt < SMOOTHING:
-                again |= dirty & self._jumps()
-        return lost
+            solved = self._solve_frames(again, rows, attempt)
+            moved = self._violations(solved, rows)
+            # Take the new poses of a frame if it had none, if the old ones violate, or if the new ones do not.
+            take = np.full(len(rows), attempt == 0) | violations[rows].any(axis=1) | ~moved.any(axis=1)
+            self.poses[rows[take]] = np.where(self.free[rows], solved, self.given[rows])[take]
+            violations[rows[take]] = moved[take]
+            again = np.asarray(violations.any(axis=1))
+            if attempt < ATTEMPTS_AT_JUMPS:
+                again |= unsolved & self._frames_at_jumps()
+        return violations
 
-    def _solve(self, again: Bools, rows: Ints, attempt: int) -> Floats:
+    def _solve_frames(self, again: Bools, rows: Ints, attempt: int) -> Floats:
+        """Return the poses (f, C) of one attempt at some frames: bridged, aimed, and refined by least squares."""
         free, wanted, fixed = self.free[rows], self.wanted[rows], self.fixed[rows]
         targets = self.targets[rows]
         start = bridge(self.skeleton, self.poses, self.free & again[:, None])[rows]
-        if attempt == 0 or attempt >= ALONE:
+        # Attempts between start from the frames around that came out well, and are not aimed.
+        if attempt == 0 or attempt >= AIM_AT_FIXED_FROM:
             known = fixed if attempt else fixed | wanted
             start = aim(self.skeleton, start, free, known, targets)
-        first = (self.choice[rows] == 0).all(axis=1)
-        stiff = first[:, None] & self._steady()
-        slack = np.where(stiff, STIFF, FIRM if attempt else SLACK)
-        return refine(self.skeleton, start, free, wanted, fixed, targets, slack, careful=attempt > 0)
+        narrow = (self.level[rows] == 0).all(axis=1)
+        is_length = narrow[:, None] & self._lengths()
+        start_weights = np.where(is_length, LENGTH_WEIGHT, LATER_START_WEIGHT if attempt else START_WEIGHT)
+        return least_squares(
+            self.skeleton, start, free, wanted, fixed, targets, start_weights, constraints_first=attempt > 0
+        )
 
-    def _steady(self) -> Bools:
-        """The shifts (C,) below the root that keep one value, a length of bone, wherever they are known."""
-        known = np.where(self.free | self.missing, np.nan, self.file)
+    def _lengths(self) -> Bools:
+        """Return the position channels (C,) below a root that keep one value wherever they are known."""
+        known = np.where(self.free | self.missing, np.nan, self.given)
         steady = np.zeros(known.shape[1], dtype=bool)
-        for channel in np.flatnonzero(~self.turns & self.inner & np.isfinite(known).any(axis=0)):
-            steady[channel] = np.nanmax(known[:, channel]) - np.nanmin(known[:, channel]) < STEADY
+        for channel in np.flatnonzero(~self.is_rotation & self.below_root & np.isfinite(known).any(axis=0)):
+            steady[channel] = np.nanmax(known[:, channel]) - np.nanmin(known[:, channel]) < STEADY_MM
         return steady
 
-    def _gone(self, poses: Floats, rows: Ints) -> Floats:
-        """How far (f, J) these poses move fixed joints, zero within the tolerance."""
-        places = move(self.skeleton, poses).positions
-        far = np.linalg.norm(places - self.targets[rows], axis=2)
-        ours = self.fixed[rows] & (self.free[rows] @ self.moved.T)
-        return np.where(ours & (far > MARGIN * self.tolerance), far, 0.0)
+    def _violations(self, poses: Floats, rows: Ints) -> Floats:
+        """Return how far (f, J), in millimetres, these poses move fixed joints; zero within the tolerance."""
+        positions = move(self.skeleton, poses).positions
+        moved = np.linalg.norm(positions - self.targets[rows], axis=2)
+        constrained = self.fixed[rows] & (self.free[rows] @ self.places.T)
+        return np.where(constrained & (moved > TOLERANCE_SHARE * self.tolerance), moved, 0.0)
 
-    def _jumps(self) -> Bools:
-        """The frames (F,) at a jump of a free angle, and those between jumps that follow closely."""
+    def _frames_at_jumps(self) -> Bools:
+        """Return the frames (F,) with free channels at a jump of a free angle, or between jumps close together."""
         step = np.abs(np.diff(self.poses, axis=0, append=self.poses[-1:]))
         step = np.abs(step - 360 * np.round(step / 360))
-        ours = self.free.copy()
-        ours[:-1] |= self.free[1:]
+        # A step is free if either of its frames is.
+        free_steps = self.free.copy()
+        free_steps[:-1] |= self.free[1:]
         rough = np.zeros(len(step), dtype=bool)
-        for channel in np.flatnonzero(self.turns & ours.any(axis=0)):
-            known = step[~ours[:, channel], channel]
+        for channel in np.flatnonzero(self.is_rotation & free_steps.any(axis=0)):
+            known = step[~free_steps[:, channel], channel]
             known = known[np.isfinite(known)]
-            limit = np.clip(4 * np.quantile(known, 0.99), 5.0, 30.0) if len(known) > 30 else 30.0
-            jumps = np.flatnonzero(ours[:, channel] & (step[:, channel] > limit))
+            limit = MOST_JUMP
+            if len(known) > KNOWN_STEPS:
+                limit = np.clip(JUMP_FACTOR * np.quantile(known, STEP_QUANTILE), LEAST_JUMP, MOST_JUMP)
+            jumps = np.flatnonzero(free_steps[:, channel] & (step[:, channel] > limit))
             for jump in jumps:
-                rough[max(0, jump - 1) : jump + 3] = True
-            for near in np.flatnonzero(np.diff(jumps) < 20):
+                rough[max(0, jump - FRAMES_BEFORE_JUMP) : jump + FRAMES_FROM_JUMP] = True
+            for near in np.flatnonzero(np.diff(jumps) < CLOSE_JUMPS):
                 rough[jumps[near] : jumps[near + 1] + 1] = True
         return np.asarray(rough & self.free.any(axis=1))
 
-    def blame(self, lost: Floats, *, farthest: bool) -> Bools:
-        """Widen the choice for the wanted joints that moved the lost ones, or give up their run of frames.
+    def widen_or_give_up(self, violations: Floats, *, farthest: bool) -> Bools:
+        """Widen the free channels of the wanted joints whose channels moved fixed joints, or give up their runs.
 
-        ``farthest`` looks, in each frame, only at the joint lost farthest: others may have given way to it.
-
+        violations: (F, J) millimetres. farthest: whether only the joint that moved farthest in a frame counts.
         Returns the frames (F,) to be solved again.
         """
-        blamed = np.zeros_like(self.wanted)
-        looked_at = (lost > 0) & (lost >= (lost.max(axis=1, keepdims=True) if farthest else 0))
-        for choice, reach in enumerate(self.reaches):
-            blamed |= self._asks(choice) & (looked_at @ (reach @ self.moved.T).T)
-        last = blamed & (self.choice == CHOICES - 1)
-        for joint in np.flatnonzero(last.any(axis=0)):
+        widened = np.zeros_like(self.wanted)
+        violated = (violations > 0) & (violations >= (violations.max(axis=1, keepdims=True) if farthest else 0))
+        # A wanted joint is responsible if one of its free channels moves a violated joint.
+        for level, channels in enumerate(self.channel_sets):
+            widened |= self._joints_at(level) & (violated @ (channels @ self.places.T).T)
+        exhausted = widened & (self.level == LEVELS - 1)
+        for joint in np.flatnonzero(exhausted.any(axis=0)):
             for first, stop in runs(self.wanted[:, joint]):
-                if last[first:stop, joint].any():
-                    blamed[first:stop, joint] = True
+                if exhausted[first:stop, joint].any():
+                    widened[first:stop, joint] = True
                     self.wanted[first:stop, joint] = False
-        self.choice += blamed
-        return np.asarray(blamed.any(axis=1))
+        self.level += widened
+        return np.asarray(widened.any(axis=1))
 
-    def continued(self) -> Floats:
-        """The poses with equal rotations in place of those that jump, in the runs of free angles."""
+    def without_jumps(self) -> Floats:
+        """Return the poses with Euler angles of the same rotations that do not jump, in the runs of free angles."""
         poses = self.poses.copy()
         for group in rotations_of(self.skeleton):
-            alike = (self.free[:, group] == self.free[:, group[:1]]).all()
-            for part in [group] if group and alike else [[channel] for channel in group]:
+            free_together = (self.free[:, group] == self.free[:, group[:1]]).all()
+            for part in [group] if group and free_together else [[channel] for channel in group]:
                 axes = [self.skeleton.channels[i].axis for i in part]
                 for first, stop in runs(self.free[:, part[0]]):
                     span = slice(max(first - 1, 0), stop + 1)
                     if np.isfinite(poses[span][:, part]).all():
                         poses[first:stop, part] = smoothest(axes, poses[span][:, part], first > 0, stop < len(poses))
         return poses
-
-
-def _reach(skeleton: Skeleton, extra: int) -> Bools:
-    """For each joint the channels (J, C) that bring it to a place and keep everything around it."""
-    reach = np.zeros((len(skeleton.names), len(skeleton.channels)), dtype=bool)
-    turns, shifts = rotations_of(skeleton), shifts_of(skeleton)
-    children: list[list[int]] = [[] for _ in skeleton.names]
-    for joint, parent in enumerate(skeleton.parents):
-        if parent >= 0:
-            children[parent].append(joint)
-
-    def descend(joint: int, quota: int, row: Bools) -> None:
-        row[turns[joint] + (shifts[joint] if extra else [])] = True
-        if quota > len(turns[joint]):
-            for child in children[joint]:
-                descend(child, quota - len(turns[joint]), row)
-
-    for joint, row in enumerate(reach):
-        lead = _lead(skeleton, shifts, joint)
-        row[shifts[lead]] = True
-        path = _path(skeleton, turns, lead, SWING + extra)
-        if not path:
-            descend(lead, SUBTREE + extra, row)
-        for node in path:
-            row[turns[node]] = True
-            for child in set(children[node]).difference(path):
-                descend(child, (SUBTREE if lead in (node, child) else SWING) + extra, row)
-    return reach
-
-
-def _lead(skeleton: Skeleton, shifts: list[list[int]], joint: int) -> int:
-    """The joint itself, or the ancestor with which it always coincides."""
-    while skeleton.parents[joint] >= 0:
-        if shifts[joint] or skeleton.before[joint].any() or skeleton.after[joint].any():
-            break
-        joint = skeleton.parents[joint]
-    return joint
-
-
-def _path(skeleton: Skeleton, turns: list[list[int]], joint: int, quota: int) -> list[int]:
-    """The joints, going up, whose rotations move this one, until they have so many degrees of freedom."""
-    node = joint if skeleton.after[joint].any() else skeleton.parents[joint]
-    path = []
-    while node >= 0 and quota > 0:
-        path.append(node)
-        quota -= len(turns[node])
-        node = skeleton.parents[node]
-    return path

@@ -1,0 +1,64 @@
+"""Safe writing of any file: never the input, never over an existing file unasked, complete or not at all."""
+
+import contextlib
+import glob
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from pathlib import Path
+
+from mocapclean.errors import FormatError, UsageError
+
+STEM_BYTES = 100
+"""Bytes of the file's own stem in the name of its temporary file; file systems allow 255 bytes for a whole name."""
+DIGEST_DIGITS = 12
+"""Hexadecimal digits of the hash of the whole name, which keep two names with the same first bytes apart."""
+
+
+def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
+    """Raise UsageError when writing ``path`` would touch the input or an existing file without ``overwrite``."""
+    if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
+        raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")
+    if os.path.lexists(path) and not overwrite:
+        raise UsageError(f"{path}: the output exists already. Use --overwrite to replace it.")
+
+
+@contextlib.contextmanager
+def new_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary file in the folder of ``path``; it is renamed to ``path`` unless the block raises.
+
+    The temporary file keeps the suffix of ``path`` and is removed when the block raises. Raises FormatError when the
+    folder does not allow a new file or the file cannot be stored.
+    """
+    part = path.parent / f"{_part_prefix(path)}{secrets.token_hex(8)}.part{path.suffix}"
+    try:
+        os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
+    except OSError as fault:
+        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
+    try:
+        yield part
+        _store(part, path)
+    except OSError as fault:
+        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def discard_parts(path: Path) -> None:
+    """Remove the temporary files of ``path`` that a killed process left; no other process may be writing ``path``."""
+    for part in path.parent.glob(f"{glob.escape(_part_prefix(path))}*.part{glob.escape(path.suffix)}"):
+        part.unlink(missing_ok=True)
+
+
+def _part_prefix(path: Path) -> str:
+    """Return how the names of a path's temporary files begin: hidden, short, and different for every path."""
+    start = os.fsencode(path.stem)[:STEM_BYTES].decode("utf-8", "ignore")
+    return f".{start}.{hashlib.sha256(os.fsencode(path.name)).hexdigest()[:DIGEST_DIGITS]}."
+
+
+def _store(part: Path, path: Path) -> None:
+    """Force a finished file to the disk, then give it its name in one step."""
+    with part.open("rb") as file:
+        os.fsync(file.fileno())
+    part.replace(path)

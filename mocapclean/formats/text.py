@@ -1,0 +1,104 @@
+"""What BVH, ASF and AMC share as texts: tokens, numbers, and the errors that name a line."""
+
+import re
+from collections.abc import Sequence
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from mocapclean.arrays import Floats
+from mocapclean.errors import FormatError, UsageError
+
+LARGEST_NUMBER = 1e9
+"""The largest magnitude of a number. Chosen by hand: float64 positions beyond it lose the last digits of a millimetre
+in forward kinematics, and no capture comes near."""
+QUOTED_CHARACTERS = 40
+"""Characters of a token that an error quotes."""
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+
+TOKEN = re.compile(rb"\S+")
+NUMBER = re.compile(rb"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan)", re.IGNORECASE)
+COMMENT = re.compile(rb"#[^\r\n]*")
+SEPARATORS_TO_SPACES = bytes.maketrans(b",()", b"   ")
+
+
+def load(path: Path) -> bytes:
+    """Return the bytes of a file; raise FormatError if it cannot be read or is blank."""
+    try:
+        raw = path.read_bytes()
+    except OSError as error:
+        raise FormatError(path, f"the file must be readable. Got {error.strerror}.") from error
+    if not raw.strip():
+        raise FormatError(path, "the file must not be empty. Got no text in it.")
+    return raw
+
+
+def blank(raw: bytes) -> bytes:
+    """Return a text of the same length with spaces for a byte order mark and for what Acclaim files ignore.
+
+    Ignored are comments from ``#`` to the end of the line, commas and round brackets (limits of a bone stand in them).
+    """
+    text = raw.translate(SEPARATORS_TO_SPACES)
+    text = b"   " + text[3:] if text.startswith(BYTE_ORDER_MARK) else text
+    return COMMENT.sub(lambda match: b" " * len(match[0]), text)
+
+
+def line_at(raw: bytes, byte: int) -> int:
+    """Return the number, from 1, of the line that holds a byte."""
+    return len((raw[:byte] + b".").splitlines())
+
+
+def decode(text: bytes) -> str:
+    """Return text in UTF-8 if it is valid there, else in Latin-1; these formats do not name their encoding."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1")
+
+
+def quote(token: bytes) -> str:
+    """Return a token as errors show it."""
+    text = decode(token)
+    return repr(text if len(text) <= QUOTED_CHARACTERS else text[:QUOTED_CHARACTERS] + "...")
+
+
+def number(path: Path, token: bytes, line: int) -> float:
+    """Return the value of a number, NaN allowed; raise FormatError if the token is no number or too large."""
+    value = float(token) if NUMBER.fullmatch(token) else np.inf
+    if abs(value) > LARGEST_NUMBER:
+        message = f"a number must be decimal and at most {LARGEST_NUMBER:g}. Got {quote(token)}."
+        raise FormatError(path, message, line=line)
+    return value
+
+
+def numbers(path: Path, rows: Sequence[Sequence[bytes]], lines: Sequence[int]) -> Floats:
+    """Return all values of rows of tokens, in one dimension; ``lines`` are the rows' line numbers.
+
+    Raises FormatError with the line of the first token that is no number or too large.
+    """
+    try:
+        values = np.fromiter(map(float, chain.from_iterable(rows)), dtype=np.float64)
+    except ValueError:
+        values = np.array([np.inf])
+    # float() alone is fast and accepts almost the same tokens. Only where it met a fault, an infinity, or the
+    # underscore that Python allows in numbers (1_0 is ten), are the tokens checked one by one.
+    if (np.abs(values) > LARGEST_NUMBER).any() or b"_" in b"".join(chain.from_iterable(rows)):
+        values = np.array([number(path, t, line) for row, line in zip(rows, lines, strict=True) for t in row])
+    return values
+
+
+def finite(path: Path, tokens: Sequence[bytes], count: int, what: str, line: int) -> list[float]:
+    """Return exactly ``count`` finite numbers of a header; raise FormatError if there are others or more or fewer."""
+    values = [number(path, token, line) for token in tokens]
+    if len(values) != count or not np.isfinite(values).all():
+        got = quote(b" ".join(tokens)) if tokens else "none"
+        raise FormatError(path, f"{what} must be {count} finite number(s). Got {got}.", line=line)
+    return values
+
+
+def positive(value: float, what: str) -> float:
+    """Return a value that a user gave; raise UsageError unless it is positive and finite."""
+    if not 0 < value < np.inf:
+        raise UsageError(f"{what} must be positive and finite. Got {value:g}.")
+    return value
