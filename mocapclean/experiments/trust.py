@@ -147,7 +147,7 @@ def _widened(mask: Bools) -> Bools:
 
 def _exact(clean: Take, scene: Injected) -> int:
     """The swaps of which every sample is again, to the last bit, what it was."""
-    fixed = swap.put_back(Evidence(scene.take), swap.Params())
+    fixed = swap.undo(Evidence(scene.take), swap.Params())
     same = (fixed.positions == clean.positions).all(axis=2) & fixed.trusted
     return sum(bool(same[scene.samples(event)].all()) for event in scene.events if event.kind == "swap")
 

@@ -1,4 +1,4 @@
-"""Trust detection: the laws of TDD and of user spans."""
+"""Trust data detection and spans of the user: the properties that must hold."""
 
 import numpy as np
 import pytest
@@ -166,7 +166,7 @@ def test_a_missing_spans_file_is_refused(tmp_path):
         read_spans(tmp_path / "none.csv")
 
 
-def test_a_jump_between_two_long_pieces_is_nobodys_fault(rng):
+def test_two_long_segments_may_lie_a_jump_apart(rng):
     take = smooth_take(rng, n_frames=400)
     positions = take.positions.copy()
     positions[200:, 5] += 90.0
