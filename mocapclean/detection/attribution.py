@@ -1,4 +1,4 @@
-"""Attribution of steps: which of the steps found are credible, and which marker made each of them.
+"""Attribution of steps: which steps are credible, and which marker made each of them.
 
 A marker that steps spoils the prediction of its partners, which then seem to step at the same time. Only the marker at
 fault must be corrected; the side effects at its partners vanish with it, in the next round.
@@ -38,7 +38,7 @@ def attributed_steps(
 
     Of partners that step at the same time only one is returned, unless the step is a side effect of another. credible:
     all credible steps, candidates or not. known: the steps of earlier rounds. suspect: the markers (M,) with samples
-    that were found to be off their path in this round only.
+    that turned out to be off their path in this round.
     """
     chosen: list[Step] = []
     for step in candidates:

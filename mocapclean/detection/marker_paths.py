@@ -51,7 +51,7 @@ class Round:
 class MarkerPaths:
     """The paths of all markers in one round.
 
-    measured: (F, M), the trusted samples that are not held. positions, residual: (F, M, 3), NaN where not measured.
+    measured: (F, M), the trusted samples outside of holds. positions, residual: (F, M, 3), NaN where not measured.
     threshold: (F, M) mm. breaks, bursts: (F, M). deviation: (F, M) mm, the distance from the path. off_path: (F, M),
     the samples off the path between its first and last frame; samples before and after it may belong to a step. costs:
     (M,), of the paths, in frames.
@@ -125,8 +125,8 @@ class MarkerPaths:
     def agreement(self, step: Step, excluded: int | None = None) -> float:
         """Return the share, at most 1, of the changes in the distances to the closest partners that a step explains.
 
-        1 - Σ w |d(undone) - d(before)| / Σ w |d(after) - d(undone)|, where d are median distances, ``undone`` those
-        after the step with its offset reversed, and w = 1 / (SD + 3 mm). One partner can be excluded.
+        1 - Σ w |d(undone) - d(before)| / Σ w |d(after) - d(undone)| over the partners. d are the median distances
+        before and after the step, and after it with the offset undone. w = 1 / (SD + 3 mm). One partner can be excluded.
         """
         partners = self.body.rigid.partners(step.marker)[0]
         partners = partners[partners != excluded][:CLOSEST_PARTNERS]

@@ -20,8 +20,8 @@ _WINDOW_SECONDS = 2.0  # s, frames on each side of a step that the medians are t
 class RigidPairs:
     """The rigid pairs among markers and their partners.
 
-    positions: (F, M, 3) mm, NaN where not trusted. A pair is rigid about a frame if its distance is the same half a
-    second later in nine of ten cases, without the frames around that frame.
+    positions: (F, M, 3) mm, NaN where not trusted. A pair is rigid if its distance is the same half a
+    second later in nine of ten frames. The frames around a given one, at which a step is suspected, do not count.
     """
 
     def __init__(self, positions: Floats, rigid: Rigidity, rate: float) -> None:

@@ -66,11 +66,12 @@ def best_chain(
 ) -> tuple[Bools, float]:
     """Return the frames (n_frames,) of the best chain of segments (S, 2), and its cost in frames.
 
-    Objective: the chain c₁ < c₂ < ... with the largest Σ length(cₖ) - Σ link(cₖ₋₁, cₖ) - ends, where ``end_cost`` is
-    paid for each end of the path, before c₁ and after the last, at which segments are left out.
+    Objective: the chain c₁ < c₂ < ... < cₙ with the largest Σ length(cₖ) - Σ link(cₖ₋₁, cₖ) - begin(c₁) - stop(cₙ).
+    begin is 0 for the first segment of all and ``end_cost`` for the others; stop is 0 for the last and ``end_cost`` for
+    the others. An end of the path that is left out therefore costs ``end_cost``.
 
-    Recurrence: value(i) = length(i) + max(-begin(i), max over j of value(j) - link(j, i)), where j are the 40 segments
-    before i, and begin(i) is ``end_cost``, 0 for the first. It takes O(40 S) operations.
+    Recurrence: value(i) = length(i) + max(-begin(i), max over j of value(j) - link(j, i)), j = i - 40, ..., i - 1. A
+    chain with a longer run of segments left out between two others is not considered. Cost: O(40 S).
 
     link_costs: of segment i and the segments before it (j,), the costs (j,) in frames; infinite where i cannot follow.
     """

@@ -9,7 +9,7 @@ from mocapclean.arrays import Floats
 
 LEAST_STEP = 15.0  # mm, least size of a step
 LEAST_SCORE = 10.0  # standard errors, least score of a step that nothing but the regression shows
-CERTAIN = 2.0  # times the least score from which on a step needs no other evidence
+_CERTAIN = 2.0  # times the least score from which on a step needs no other evidence
 SLIDE_SECONDS = 0.5  # longest slide that leads to a step, s
 SNAP = 10  # frames on each side of a step among which its largest rise is looked for
 _SHARE_WITH_DISTANCES = 0.8  # share of the least score that is enough where the distances to partners agree
@@ -44,7 +44,7 @@ def least_score(step: Step, least: float = LEAST_SCORE) -> float:
 
 def is_certain(step: Step) -> bool:
     """Whether the score alone is enough to believe a step."""
-    return step.score >= CERTAIN * LEAST_SCORE
+    return step.score >= _CERTAIN * LEAST_SCORE
 
 
 def same_time(one: Step, other: Step, n_frames: int) -> bool:

@@ -39,13 +39,13 @@ def claims(monkeypatch):
     monkeypatch.setattr(detection, "Evidence", prepared)
 
     def claimed(**rules):
-        found = detect(take, {name: RULES[name].Params(**params) for name, params in rules.items()})
-        assert not any("also found by" in finding.message for finding in found.findings)
-        for finding in found.findings:
+        result = detect(take, {name: RULES[name].Params(**params) for name, params in rules.items()})
+        assert not any("also found by" in finding.message for finding in result.findings)
+        for finding in result.findings:
             assert finding.frames == (1, 1 + int(finding.marker[1:]))
-        rules = {int(finding.marker[1:]): finding.rule for finding in found.findings}
+        rules = {int(finding.marker[1:]): finding.rule for finding in result.findings}
         claimed_lengths = np.isin(lengths, list(rules))
-        np.testing.assert_array_equal(found.trusted, ~((deviation > 0) & claimed_lengths))
+        np.testing.assert_array_equal(result.trusted, ~((deviation > 0) & claimed_lengths))
         return rules
 
     return claimed

@@ -98,10 +98,10 @@ def test_bursts_of_noise_are_found(rng):
     noise = rng.normal(size=(10, 1, 3)) * 12
     position[150:160], residual[150:160] = position[150:160] + noise, residual[150:160] + noise
     innovation = breaks.innovations(position, residual)
-    found = breaks.bursts(innovation, np.ones((400, 1), bool), np.zeros_like(residual))[:, 0]
-    assert found[150:160].sum() >= 8
-    assert not found[:149].any()
-    assert not found[161:].any()
+    burst = breaks.bursts(innovation, np.ones((400, 1), bool), np.zeros_like(residual))[:, 0]
+    assert burst[150:160].sum() >= 8
+    assert not burst[:149].any()
+    assert not burst[161:].any()
 
 
 @pytest.mark.parametrize("n_frames", [1, 2, 3, 5])

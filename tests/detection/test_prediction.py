@@ -31,12 +31,12 @@ def test_rotations_agree_with_the_svd(seed, n_points, noise):
     seen = shape @ turns.swapaxes(1, 2) + rng.normal(size=(20, 1, 3)) * 500
     seen = seen + rng.normal(size=seen.shape) * noise
     turned, middles = lay(shape.T[:, None], np.moveaxis(seen, 2, 0)[:, None], weights[None])
-    found, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
-    np.testing.assert_allclose(found @ found.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
+    rotations, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
+    np.testing.assert_allclose(rotations @ rotations.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(centres, np.einsum("k,fkc->fc", weights / weights.sum(), seen))
     spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
     if spread[1] > 20 + 2 * noise:
-        np.testing.assert_allclose(found, kabsch(shape, seen, weights), atol=1e-5)
+        np.testing.assert_allclose(rotations, kabsch(shape, seen, weights), atol=1e-5)
 
 
 def body(rng, n_frames=300, n_markers=8):

@@ -38,9 +38,9 @@ def span(start, stop, marker):
 
 def test_one_line_in_the_registry_makes_a_rule(take, monkeypatch):
     monkeypatch.setitem(RULES, "toy", rule("toy", lambda take: span(5, 9, 2)))
-    found = detect(take, {"toy": Switch()})
-    np.testing.assert_array_equal(found.trusted, take.trusted & ~span(5, 9, 2))
-    assert [(f.rule, f.level, f.marker, f.frames) for f in found.findings] == [("toy", "warning", "C", (5, 9))]
+    result = detect(take, {"toy": Switch()})
+    np.testing.assert_array_equal(result.trusted, take.trusted & ~span(5, 9, 2))
+    assert [(f.rule, f.level, f.marker, f.frames) for f in result.findings] == [("toy", "warning", "C", (5, 9))]
     assert "toy" in {finding.rule for finding in detect(take).findings}
     assert detect(take, {"toy": Switch(enabled=False)}).trusted.sum() == take.trusted.sum()
 
@@ -49,8 +49,8 @@ def test_no_rule_raises_trust(take, monkeypatch):
     monkeypatch.setitem(RULES, "mild", rule("mild", lambda take: np.zeros((20, 4), dtype=bool)))
     monkeypatch.setitem(RULES, "strict", rule("strict", lambda take: span(0, 4, 0)))
     monkeypatch.setitem(RULES, "opposite", rule("opposite", lambda take: ~take.trusted, AFTER_OTHERS=True))
-    found = detect(take, {"strict": Switch(), "mild": Switch(), "opposite": Switch()})
-    np.testing.assert_array_equal(found.trusted, take.trusted & ~span(0, 4, 0))
+    result = detect(take, {"strict": Switch(), "mild": Switch(), "opposite": Switch()})
+    np.testing.assert_array_equal(result.trusted, take.trusted & ~span(0, 4, 0))
 
 
 def test_no_rule_can_change_the_take(take, monkeypatch):
@@ -64,13 +64,13 @@ def test_no_rule_can_change_the_take(take, monkeypatch):
 
 @pytest.mark.parametrize("declared", [{}, {"AFTER_OTHERS": True}])
 def test_a_rule_after_the_others_sees_what_they_trust(take, monkeypatch, declared):
-    seen = []
+    trust_seen = []
 
     def look_on(take):
-        seen.append(take.trusted.copy())
+        trust_seen.append(take.trusted.copy())
         return np.zeros((20, 4), dtype=bool)
 
     monkeypatch.setitem(RULES, "onlooker", rule("onlooker", look_on, **declared))
     monkeypatch.setitem(RULES, "toy", rule("toy", lambda take: span(5, 9, 2)))
     detect(take, {"onlooker": Switch(), "toy": Switch()})
-    np.testing.assert_array_equal(seen, [take.trusted & ~span(5, 9, 2) if declared else take.trusted])
+    np.testing.assert_array_equal(trust_seen, [take.trusted & ~span(5, 9, 2) if declared else take.trusted])

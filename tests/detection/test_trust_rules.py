@@ -52,7 +52,7 @@ def ruled(take, name):
     return RULES[name].examine(Evidence(take), RULES[name].Params())
 
 
-def found(injected, distrusted, kind):
+def found_events(injected, distrusted, kind):
     events = [event for event in injected.events if event.kind == kind]
     return sum(distrusted[injected.samples(event)].mean() >= 0.5 for event in events), len(events)
 
@@ -86,7 +86,7 @@ def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name)
 @pytest.mark.parametrize("name", FINDS)
 def test_each_kind_of_fault_has_its_rule(broken, evidence, name):
     distrusted, _ = RULES[name].examine(evidence, RULES[name].Params())
-    hits, events = found(broken, distrusted, FINDS[name])
+    hits, events = found_events(broken, distrusted, FINDS[name])
     assert events
     assert hits == events
 
@@ -95,7 +95,7 @@ def test_each_kind_of_fault_has_its_rule(broken, evidence, name):
 def test_all_rules_find_small_faults_at_other_rates(rate):
     injected = inject(perform("walk", 4.0, rate, 1).markers, np.random.default_rng(0))
     distrusted = ~detect(injected.take).trusted
-    hits = [found(injected, distrusted, kind) for kind in FINDS]
+    hits = [found_events(injected, distrusted, kind) for kind in FINDS]
     assert sum(hit for hit, _ in hits) >= 0.9 * sum(events for _, events in hits)
     near = injected.faulty.copy()
     for shift in (1, 2):

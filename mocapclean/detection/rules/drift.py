@@ -4,11 +4,12 @@ The evidence is a step in the regression of the marker on its partners, made at 
 second. It is fitted by generalised least squares: noise in one direction hides no step in another.
 
 Size: at least 15 mm, and a score of 10 standard errors. A score of 8 is enough if the step explains half of the changes
-in the distances to the five closest partners, and these have a median robust SD of up to 10 mm. A score of 6 is enough
-if a rigid pair changes its distance, or the step is a break.
+in the distances to the five closest partners, and the median of their robust SDs is at most 10 mm. A score of 6 is
+enough if a rigid pair changes its distance, or the step is a break.
 
-Support: most samples before and after the step agree with it. The path of the marker costs no more without the step. A
-slide with a score below 20 needs two rigid pairs that change, or must explain a fifth of the changed distances.
+Support: the samples before the step, and those after it, keep a mean weight of 0.4 in the robust fit. The path of the
+marker costs no more without the step. A slide with a score below 20 needs two rigid pairs that change, or must explain
+a fifth of the changes in the distances.
 
 Rigid pairs: if the marker has any, at least one must change. If only one does, and the other marker may have stepped
 too, that marker must have no other pair that changes. Outliers of the marker, or of its partners, may look like a step:
@@ -17,8 +18,8 @@ it is judged once they are removed, unless two rigid pairs with other markers ch
 Attribution: of partners that step at the same time, the marker with the highest score is at fault, unless its step
 vanishes when the step of another is removed.
 
-Samples: those after the step, for the first place is taken to be right; those before it, if they are less than 15 % of
-the marker's. The slide counts as well, while the marker is 3 mm, and 3 times its median residual, on its way.
+Samples: those after the step, because the first place is taken to be right; those before it, if they are less than 15 %
+of the marker's. The slide is distrusted where the marker has moved 3 mm, and 3 times its median residual, along it.
 """
 
 from typing import Annotated
@@ -36,8 +37,8 @@ from mocapclean.take import Finding
 
 # Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md); no sweep was kept.
 _SHORT_BEGINNING = 15  # % of a marker's samples: if fewer come before a step, they are distrusted
-_SLIDE_DISTANCE = 3.0  # mm along a step beyond which a marker is on its way
-_SLIDE_RESIDUALS = 3.0  # median residuals along a step beyond which it is
+_SLIDE_DISTANCE = 3.0  # mm along a step that a marker must have moved to be part of the slide
+_SLIDE_RESIDUALS = 3.0  # median residuals along the step, likewise
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
