@@ -59,7 +59,7 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
         for step in candidates:
             paths.readmit(step)
         usable = paths.measured & ~paths.off_path & ~paths.bursts & ~sliding
-        # Outliers that the first round found have spoilt its predictions: steps they may look like are judged later.
+        # Outliers found in the first round have spoilt its predictions: steps that they may look like are judged later.
         suspect = np.asarray((given.usable & ~usable).any(axis=0) & (index == 0))
         steps = attributed_steps(candidates, credible, given.steps, suspect, paths)
         # The rounds end when nothing changes any more, even if they alternate between two results.

@@ -125,8 +125,9 @@ class MarkerPaths:
     def agreement(self, step: Step, excluded: int | None = None) -> float:
         """Return the share, at most 1, of the changes in the distances to the closest partners that a step explains.
 
-        1 - Σ w |d(undone) - d(before)| / Σ w |d(after) - d(undone)| over the partners. d are the median distances
-        before and after the step, and after it with the offset undone. w = 1 / (SD + 3 mm). One partner can be excluded.
+        1 - Σ w |d(undone) - d(before)| / Σ w |d(after) - d(undone)| over the partners. d are median distances
+        before and after the step, and after it with the offset undone; w = 1 / (SD + 3 mm). One partner can be
+        excluded.
         """
         partners = self.body.rigid.partners(step.marker)[0]
         partners = partners[partners != excluded][:CLOSEST_PARTNERS]

@@ -1,5 +1,6 @@
 """The rules: the faults that each must find, the samples that none may distrust, and their common decision."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -81,6 +82,29 @@ def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name)
         named[slice(*finding.frames), broken.take.markers.index(finding.marker)] = True
     np.testing.assert_array_equal(named & broken.take.trusted, distrusted)
     assert not (distrusted & ~broken.take.trusted).any()
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "swap",
+            r"carries the label of \w+ for \d+ frames?: distances .* \d+\.\d robust SDs off, exchanged back \d+\.\d",
+        ),
+        ("frozen", r"holds still for \d+ frames while its predicted position moves \d+ mm"),
+        ("drift", r"sits \d+ mm \(\d+ standard errors\) from its place in its segment (up to here|from here on)"),
+        ("flicker", r"flickers for \d+ frames"),
+        ("spike", r"up to \d+ mm off its path for (1 frame|[23] frames), \d+\.\d times the threshold"),
+        ("jump", r"up to \d+ mm off its path for \d+ frames, \d+\.\d times the threshold"),
+        ("predict", r"up to \d+ mm from its predicted position for \d+ frames?"),
+        ("tdd", r"not reachable from the rest of its path at 60 mm per frame for \d+ frames?"),
+    ],
+)
+def test_a_message_gives_size_and_duration(evidence, name, message):
+    _, findings = RULES[name].examine(evidence, RULES[name].Params())
+    assert findings
+    for finding in findings:
+        assert re.fullmatch(message, finding.message)
 
 
 @pytest.mark.parametrize("name", FINDS)
