@@ -13,7 +13,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.numerics.robust import nan_median, nan_quantiles
 
-_LEAST_BREAK = 8.0  # mm, no smaller innovation is a break
+LEAST_BREAK = 8.0  # mm, no smaller innovation is a break
 _MEDIANS = 3.0  # median innovations that noise may reach while the marker accelerates
 _ACCELERATION_SHARE = 0.6  # share of the predicted acceleration, mm per frame², that an innovation may reach
 _ACCELERATION_REACH = 2  # frames on each side whose acceleration counts as well
@@ -48,7 +48,7 @@ def break_thresholds(innovation: Floats, usable: Bools, predicted: Floats) -> Fl
     """
     median, rare = noise_tail(np.where(usable, innovation, np.nan))
     moving = _MEDIANS * median + _ACCELERATION_SHARE * _acceleration(predicted)
-    return np.asarray(np.maximum(np.maximum(rare, _LEAST_BREAK), moving))
+    return np.asarray(np.maximum(np.maximum(rare, LEAST_BREAK), moving))
 
 
 def _acceleration(predicted: Floats) -> Floats:
@@ -92,5 +92,5 @@ def noise_tail(noise: Floats) -> tuple[Floats, Floats]:
         median, high = np.nan_to_num(nan_quantiles(noise, (0.5, share)))
         # d = (q - m) ln(½ / p) / ln(½ / (1 - share)) for a tail probability p.
         rare = median + (high - median) * np.log(0.5 / _RARE) / np.log(0.5 / (1 - share))
-        noise = np.where(noise > np.maximum(rare, _LEAST_BREAK), np.nan, noise)
+        noise = np.where(noise > np.maximum(rare, LEAST_BREAK), np.nan, noise)
     return median, rare

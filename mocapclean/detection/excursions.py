@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from mocapclean.arrays import column_runs
+from mocapclean.detection.breaks import LEAST_BREAK
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, duration, findings
 
-LEAST_EXCURSION = 8.0  # mm off the path: the least threshold of a break (``breaks``), so that no limit below it counts
+LEAST_EXCURSION = LEAST_BREAK  # mm off the path: no threshold is lower, so that a lower limit would change nothing
 LONGEST_SPIKE = 3  # frames, chosen by hand
 SHORTEST_JUMP = LONGEST_SPIKE + 1  # frames
 
