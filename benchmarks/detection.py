@@ -1,10 +1,10 @@
-"""What detection costs: the time of all trust rules beside that of the default fill, on takes with gaps.
+"""The cost of detection: the time of all trust rules over that of the default fill, on takes with gaps.
 
     python benchmarks/detection.py TAKE [TAKE ...] [--frames 600]
 
-Each take loses 5 % of its samples in 200 gaps, is examined by the rules, and filled by the default method with its
-numbers chosen beforehand, as ``mocapclean fill`` does. Then the first half of it is examined as well: where detection
-grows as the frames do, the whole takes twice as long. Prints processor times as ratios.
+Each take loses 5 % of its samples in 200 gaps. It is examined by the rules and filled by the default method, with the
+parameters that ``mocapclean fill`` chooses. The first half of it is examined as well: if the cost grows like the
+frames, the whole takes twice as long. Prints ratios of processor times.
 """
 
 import os
@@ -28,7 +28,7 @@ GAPS, SHARE = 200, 0.05
 
 
 def gaps(trusted, rng):
-    """Samples (F, M) to hide: a share of them in so many gaps of the same length, which may touch."""
+    """Return the samples (F, M) to hide: 5 % of them in 200 gaps of the same length, which may touch."""
     n_frames, n_markers = trusted.shape
     length = max(1, round(SHARE * trusted.size / GAPS))
     missing = np.zeros_like(trusted)
@@ -39,7 +39,7 @@ def gaps(trusted, rng):
 
 
 def timed(work, *given):
-    """The processor time of a piece of work, the least of three."""
+    """Return the processor time of a call, s, the least of three."""
     spent = []
     for _ in range(3):
         started = process_time()

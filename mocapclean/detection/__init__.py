@@ -1,9 +1,13 @@
-"""Rules that lower trust. A rule never raises it.
+"""Detection of samples that cannot be trusted: rules that lower trust, and never raise it.
 
-A rule module has ``Params`` (its parameters) and ``examine(evidence, params)``, which returns the samples it distrusts
-as an (F, M) bool mask and its Findings. ``detect`` runs rules on the same evidence and makes one decision of them: what
-any of them distrusts is not trusted, and where several say the same of a span, the first in ``RULES`` says it. The
-rules ``AFTERWARDS`` cannot tell a fault from what comes before or after it; they see only what the others trust.
+A rule is a module in ``rules`` and a line in ``RULES``. The module has:
+
+- ``Params``: a frozen dataclass of its parameters, with their defaults;
+- ``examine(evidence, params)``: returns the samples (F, M) that the rule distrusts, and its Findings;
+- ``AFTER_OTHERS = True``, if the rule must see only the samples that the other rules trust.
+
+``detect`` runs the rules on the same evidence and unites their results. A sample that any rule distrusts is not
+trusted. Where several rules find the same span, the finding of the first in ``RULES`` stays and names the others.
 """
 
 from collections import defaultdict
@@ -13,6 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from mocapclean.detection.evidence import Evidence
+from mocapclean.detection.excursions import with_one_boundary
 from mocapclean.detection.rules import (
     bone,
     drift,
@@ -45,54 +50,57 @@ RULES: dict[str, ModuleType] = {
     "outlier": outlier,
 }
 
-AFTERWARDS = {"tdd", "outlier"}
-
 
 def detect(take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: bool = False) -> Take:
-    """Run trust rules over a take and return it with less trust and more findings.
+    """Return a take with the trust that the rules leave, and with their findings.
 
-    rules: rule name -> its ``Params``; None runs all of ``RULES`` with their defaults. Rules that are not ``enabled``
-    are passed over. fix_swaps: exchange the names of swapped markers back (``moved``) instead of distrusting them.
-    Raises UsageError for a name that is not in ``RULES``.
+    rules: name -> ``Params`` of the rules to run, unless they are not ``enabled``; None runs all of ``RULES`` with
+    their defaults. fix_swaps: exchange swapped labels back (``moved``) instead of distrusting the samples. Raises
+    UsageError for a name that is not in ``RULES``.
     """
-    chosen = {name: module.Params() for name, module in RULES.items()} if rules is None else dict(rules)
-    for name in chosen:
-        if name not in RULES:
-            raise UsageError(f"a trust rule must be one of {', '.join(RULES)}. Got {name!r}.")
-    chosen = {name: chosen[name] for name in RULES if name in chosen and getattr(chosen[name], "enabled", True)}
-    if fix_swaps and "swap" in chosen:
-        take = swap.put_back(Evidence(take), chosen.pop("swap"))
-    findings = list[Finding]()
-    trusted = take.trusted
-    for names in (RULES.keys() - AFTERWARDS, AFTERWARDS):
+    params = with_one_boundary(_enabled(rules))
+    if fix_swaps and "swap" in params:
+        take = swap.undo(Evidence(take), params.pop("swap"))
+    trusted, findings = take.trusted, list[Finding]()
+    for last in (False, True):
         evidence = Evidence(replace(take, trusted=trusted))
-        for name in (name for name in chosen if name in names):
-            distrusted, told = RULES[name].examine(evidence, chosen[name])
-            trusted = trusted & ~distrusted
-            findings += told
+        for name in params:
+            if getattr(RULES[name], "AFTER_OTHERS", False) == last:
+                distrusted, of_rule = RULES[name].examine(evidence, params[name])
+                trusted = trusted & ~distrusted
+                findings += of_rule
     return replace(take, trusted=trusted, findings=(*take.findings, *_united(findings)))
 
 
+def _enabled(rules: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the parameters of the rules that are enabled, in the order of ``RULES``."""
+    params = {name: module.Params() for name, module in RULES.items()} if rules is None else rules
+    for name in params:
+        if name not in RULES:
+            raise UsageError(f"a trust rule must be one of {', '.join(RULES)}. Got {name!r}.")
+    return {name: params[name] for name in RULES if name in params and getattr(params[name], "enabled", True)}
+
+
 def _united(findings: Sequence[Finding]) -> list[Finding]:
-    """The findings without those about a span that an earlier one is about as well, which names their rules."""
+    """Return the findings in which those about the same span of a marker are one, that of the first rule."""
     united: list[Finding] = []
-    places = defaultdict[str | None, list[int]](list)
+    of_marker = defaultdict[str | None, list[int]](list)
     for finding in findings:
-        for place in places[finding.marker]:
-            earlier = united[place]
-            frames = _common(finding, earlier) if finding.rule != earlier.rule else None
+        for index in of_marker[finding.marker]:
+            earlier = united[index]
+            frames = _common_span(finding, earlier) if finding.rule != earlier.rule else None
             if frames:
-                message = f"{earlier.message}; so says {finding.rule}"
-                united[place] = replace(earlier, frames=frames, message=message)
+                message = f"{earlier.message}; also found by {finding.rule}"
+                united[index] = replace(earlier, frames=frames, message=message)
                 break
         else:
-            places[finding.marker].append(len(united))
+            of_marker[finding.marker].append(len(united))
             united.append(finding)
     return united
 
 
-def _common(one: Finding, other: Finding) -> tuple[int, int] | None:
-    """The frames of both findings together, if they are about one marker and share more than half of the longer's."""
+def _common_span(one: Finding, other: Finding) -> tuple[int, int] | None:
+    """Return the span of both findings, if they concern one marker and share more than half of the longer one."""
     if one.marker is None or one.marker != other.marker or one.frames is None or other.frames is None:
         return None
     (a, b), (c, d) = one.frames, other.frames

@@ -1,4 +1,9 @@
-"""Two markers whose paths are exchanged for a time: found by where each path goes on, proved by the markers around."""
+"""Two markers whose labels are exchanged for a time.
+
+Where the labels change, the path of each marker continues in the other; the distances to rigid partners confirm it.
+
+The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
+"""
 
 from dataclasses import dataclass
 
@@ -8,17 +13,19 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics.robust import nan_median
 
-_LEAST = 25.0
-_CLEARLY = 0.35
-_PARTNERS = 5
-_SLACK = 3.0
+_LEAST_BREAK = 25.0  # mm, second difference of a path beyond which its label may have changed
+_MOST_ERROR = 0.35  # share of the prediction error that may be left when two paths are exchanged
+_CLOSEST_PARTNERS = 5  # partners whose distances confirm an exchange
+_DISTANCE_SLACK = 3.0  # mm, added to the robust SD of a distance
+_LEAST_ERROR = 1e-9  # mm, keeps paths without any error from a division by 0
+_TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation
 
 
 @dataclass(frozen=True)
 class Exchange:
-    """Markers first and second bear each other's name in these frames (F,).
+    """Two markers that carry each other's label in some frames (F,).
 
-    before, after: how far, in robust SDs, their distances to rigid partners are off, as they are and exchanged back.
+    before, after: the mean error of their distances to rigid partners, in robust SDs, as labelled and exchanged.
     """
 
     first: int
@@ -29,86 +36,96 @@ class Exchange:
 
 
 def exchanges(positions: Floats, rigid: Rigidity) -> tuple[Exchange, ...]:
-    """All exchanges in positions (F, M, 3), NaN where not trusted.
+    """Return all exchanges in positions (F, M, 3), NaN where not trusted.
 
-    The names change where the path of each marker goes on in the other at a fraction of the error. Between an odd
-    change and the next they are exchanged; with an odd number, on the shorter side of the last. What is found must
-    bring the markers nearer to their distances from their rigid partners, as the other frames have them.
+    The labels are exchanged from every odd change to the next; with an odd number of changes, on the shorter side of
+    the last. An exchange must lower the error of the distances to rigid partners.
     """
-    found = []
-    for (first, second), changes in sorted(_changes(positions).items()):
+    confirmed = []
+    for (first, second), changes in sorted(_label_changes(positions).items()):
         both = np.isfinite(positions[:, [first, second], 0]).all(axis=1)
         frames = (np.searchsorted(changes, np.arange(len(positions)), side="right") % 2 == 1) & both
         if len(changes) % 2 and 2 * frames.sum() > both.sum():
             frames = both & ~frames
         if not frames.any() or frames.sum() == both.sum():
             continue
-        before, after = _misfit(positions, rigid, first, second, frames)
+        before, after = _distance_errors(positions, rigid, first, second, frames)
         if after < before:
-            found.append(Exchange(first, second, frames, before, after))
-    return tuple(found)
+            confirmed.append(Exchange(first, second, frames, before, after))
+    return tuple(confirmed)
 
 
-def exchange(positions: Floats, found: tuple[Exchange, ...]) -> Floats:
-    """Positions (F, M, 3) with the exchanges undone; every number stays as it is, in the other marker's place."""
+def exchange(positions: Floats, pairs: tuple[Exchange, ...]) -> Floats:
+    """Return positions (F, M, 3) with exchanges undone: every number is kept, in the column of the other marker."""
     undone = positions.copy()
-    for one in found:
-        first, second = undone[one.frames, one.first], undone[one.frames, one.second]
-        undone[one.frames, one.first], undone[one.frames, one.second] = second, first
+    for pair in pairs:
+        first, second = undone[pair.frames, pair.first], undone[pair.frames, pair.second]
+        undone[pair.frames, pair.first], undone[pair.frames, pair.second] = second, first
     return undone
 
 
-def _changes(positions: Floats) -> dict[tuple[int, int], list[int]]:
-    """For each pair of markers the frames from which on each goes on where the other was going."""
+def _label_changes(positions: Floats) -> dict[tuple[int, int], list[int]]:
+    """Return, for each pair of markers, the frames from which on each continues the path of the other."""
+    # A label may change at t where the path has a break both forwards and backwards in time.
     shape = positions.shape[:2]
-    bend = np.linalg.norm(np.diff(positions, n=2, axis=0), axis=2)
-    onward, backward = np.full(shape, np.nan), np.full(shape, np.nan)
-    onward[2:], backward[1:-1] = bend, bend
-    broken = np.fmin(onward, backward) > _LEAST
-    found: dict[tuple[int, int], list[int]] = {}
-    for frame in np.flatnonzero(broken.sum(axis=1) > 1):
-        columns = np.flatnonzero(broken[frame])
-        miss = _miss(positions[:, columns], int(frame))
-        kept = miss.diagonal()
-        ratio = (miss + miss.T) / np.maximum(kept[:, None] + kept, 1e-9)
+    second_difference = np.linalg.norm(np.diff(positions, n=2, axis=0), axis=2)
+    forward, backward = np.full(shape, np.nan), np.full(shape, np.nan)
+    forward[2:], backward[1:-1] = second_difference, second_difference
+    breaks = np.fmin(forward, backward) > _LEAST_BREAK
+    changes: dict[tuple[int, int], list[int]] = {}
+    for frame in np.flatnonzero(breaks.sum(axis=1) > 1):
+        columns = np.flatnonzero(breaks[frame])
+        # Error of the paths exchanged over their error as labelled, for every pair that breaks in this frame.
+        errors = _prediction_errors(positions[:, columns], int(frame))
+        own = errors.diagonal()
+        ratio = (errors + errors.T) / np.maximum(own[:, None] + own, _LEAST_ERROR)
         ratio = np.where(np.isfinite(ratio), ratio, np.inf)
         np.fill_diagonal(ratio, np.inf)
-        while ratio.size and ratio.min() < _CLEARLY:
+        # The best pair first; a marker is exchanged with one other at most.
+        while ratio.size and ratio.min() < _MOST_ERROR:
             a, b = np.unravel_index(int(np.argmin(ratio)), ratio.shape)
             pair = sorted((int(columns[a]), int(columns[b])))
-            found.setdefault((pair[0], pair[1]), []).append(int(frame))
+            changes.setdefault((pair[0], pair[1]), []).append(int(frame))
             ratio[[a, b]] = ratio[:, [a, b]] = np.inf
-    return found
+    return changes
 
 
-def _miss(paths: Floats, frame: int) -> Floats:
-    """How far (n, n), in mm, the past of each path leads from the present of each, or that present's past from it."""
-    misses = []
+def _prediction_errors(paths: Floats, frame: int) -> Floats:
+    """Return the errors (n, n), mm, by which each path (row) misses each position (column) in a frame.
+
+    paths: (F, n, 3). The path is extrapolated at constant velocity into the frame, or that position's path backwards
+    out of it, whichever fits better.
+    """
+    errors = []
     if frame >= 2:
-        led = 2 * paths[frame - 1] - paths[frame - 2]
-        misses.append(np.linalg.norm(led[:, None] - paths[frame], axis=2))
+        predicted = 2 * paths[frame - 1] - paths[frame - 2]
+        errors.append(np.linalg.norm(predicted[:, None] - paths[frame], axis=2))
     if frame + 1 < len(paths):
-        led = 2 * paths[frame] - paths[frame + 1]
-        misses.append(np.linalg.norm(paths[frame - 1][:, None] - led, axis=2))
-    return np.asarray(np.fmin.reduce(misses))
+        predicted = 2 * paths[frame] - paths[frame + 1]
+        errors.append(np.linalg.norm(paths[frame - 1][:, None] - predicted, axis=2))
+    return np.asarray(np.fmin.reduce(errors))
 
 
-def _misfit(positions: Floats, rigid: Rigidity, first: int, second: int, frames: Bools) -> tuple[float, float]:
-    """Mean error, in robust SDs, of the distances to rigid partners in these frames: as it is, and exchanged."""
-    as_is, exchanged = 0.0, 0.0
+def _distance_errors(positions: Floats, rigid: Rigidity, first: int, second: int, frames: Bools) -> tuple[float, float]:
+    """Return the mean error, in robust SDs, of the distances to rigid partners in some frames (F,).
+
+    Of two markers together, as labelled and exchanged. Medians and SDs are those of the other frames.
+    """
+    as_labelled, exchanged = 0.0, 0.0
     for own, other in ((first, second), (second, first)):
-        partners = [p for p in rigid.partners(own)[0] if p not in (first, second)][:_PARTNERS]
+        partners = [p for p in rigid.partners(own)[0] if p not in (first, second)][:_CLOSEST_PARTNERS]
         if not partners:
             continue
-        apart = np.linalg.norm(positions[:, partners] - positions[:, [own]], axis=2)
-        middle = nan_median(apart[~frames])
-        spread = 1.4826 * nan_median(np.abs(apart[~frames] - middle)) + _SLACK
+        distances = np.linalg.norm(positions[:, partners] - positions[:, [own]], axis=2)
+        middle = nan_median(distances[~frames])
+        spread = _TO_SD * nan_median(np.abs(distances[~frames] - middle)) + _DISTANCE_SLACK
         swapped = np.linalg.norm(positions[frames][:, partners] - positions[frames][:, [other]], axis=2)
-        as_is += _mean(np.abs(apart[frames] - middle) / spread)
+        as_labelled += _mean(np.abs(distances[frames] - middle) / spread)
         exchanged += _mean(np.abs(swapped - middle) / spread)
-    return as_is, exchanged
+    return as_labelled, exchanged
 
 
 def _mean(values: Floats) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.mean()) if known.size else 0.0
+    """Return the mean of the finite values, 0 if there are none."""
+    finite = values[np.isfinite(values)]
+    return float(finite.mean()) if finite.size else 0.0

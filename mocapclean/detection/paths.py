@@ -1,207 +1,147 @@
-"""Which samples of a marker lie off the path that its other samples make.
+"""The path of a marker, and the samples that lie off it.
 
-Every sample has two coordinates: its position in the world, and its residual, what is left of it after the markers
-around it have had their say. A break is a frame at which both change as the marker's own noise and the acceleration
-around it do not explain. Between breaks a path is whole; of its pieces the chain of largest total length is kept in
-which each can follow the one before.
+Breaks cut the samples of a marker into segments. The path is the chain of segments with the largest total length, less
+the costs of the links that nothing explains. A link is explained where the later segment lies where the earlier leads.
+
+The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
-from mocapclean.arrays import Bools, Floats, Ints, column_runs, runs
-from mocapclean.numerics.robust import nan_median, nan_quantiles
+from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.detection.segments import SegmentEnds, best_chain, cut_segments
+from mocapclean.numerics.robust import nan_median
 
-_LEAST = 8.0
-_CALM, _JERK = 3.0, 0.6
-_RARE = 1e-6
-_NEAR = 2
-_NO_PATH = 0.1
-_HALO = 2
-_LOOK_BACK = 40
-_FREE, _GROWTH = 6, 0.25
-_LAGS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256])
-_WANDER = 3.0
-_FEW = 20
-_WINDOW, _FEWEST = 5, 4
+_MOST_BREAKS = 0.1  # share of a marker's frames that may be breaks; beyond it the marker has no path
+_CUT_REACH = 2  # frames on each side of a break that are segments of their own
+_SHORT_GAP = 6  # frames between two segments up to which the threshold itself limits their distance
+_LIMIT_GROWTH = 0.25  # growth of this limit for each frame more, as a share of the threshold
+_LAGS = np.array([1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256])  # frames
+_LAG_SHARE = 0.9  # quantile of the changes of a residual over a lag
+_LAG_FACTOR = 3.0  # times this quantile that a residual may change over a lag
+_FEWEST_CHANGES = 20  # changes that a lag must have more of to be measured
+_POSITION_GAP = 3  # frames between two segments up to which positions are extrapolated
 
 
-def innovations(positions: Floats, residual: Floats) -> Floats:
-    """How far (F, M) each frame is from where the frames before it lead, or it from where those after it lead, in mm.
+@dataclass(frozen=True)
+class Deviations:
+    """The samples of one marker off its path.
 
-    positions, residual: (F, M, 3), NaN where not trusted. Of the two directions, and of position and residual held or
-    carried on, the one that explains most counts; NaN at the first trusted frame of a piece.
+    distance: (F,) mm, 0 on the path and within the threshold of it. span: the frames from the first to the last of the
+    path. cost: in frames, the samples off the path plus the costs of its links and ends.
     """
-    shape = residual.shape[:2]
-    held, onward, backward = (np.full(shape, np.nan) for _ in range(3))
-    held[1:] = np.linalg.norm(np.diff(residual, axis=0), axis=2)
-    bend = np.fmin(*(np.linalg.norm(np.diff(path, n=2, axis=0), axis=2) for path in (residual, positions)))
-    onward[2:], backward[1:-1] = bend, bend
-    return np.asarray(np.fmin(held, np.fmin(onward, backward)))
+
+    distance: Floats
+    span: slice
+    cost: float
 
 
-def thresholds(innovation: Floats, usable: Bools, expected: Floats) -> Floats:
-    """The innovation (F, M) from which on a frame is a break, in mm.
+@dataclass(frozen=True)
+class PathCosts:
+    """The costs of a path, in frames.
 
-    The largest of 8 mm; of what the marker's own noise exceeds once in a million; and of 3 medians and 0.6 times the
-    acceleration, in mm per frame², of where it is expected (F, M, 3), the largest of 5 frames. usable: (F, M), the
-    samples whose noise counts.
+    link: of a link that nothing explains. end: of an end of the path that is left out, besides its frames. An excursion
+    between two segments that can follow each other is therefore left out even if it is longer than both.
     """
-    median, rare = tail(np.where(usable, innovation, np.nan))
-    return np.asarray(np.maximum(np.maximum(rare, _LEAST), _CALM * median + _JERK * _jerk(expected)))
 
-
-def _jerk(expected: Floats) -> Floats:
-    """The acceleration (F, M) of positions (F, M, 3), mm per frame², the largest of 5 frames."""
-    jerk = np.zeros(expected.shape[:2])
-    jerk[1:-1] = np.linalg.norm(np.diff(expected, n=2, axis=0), axis=2)
-    around = jerk.copy()
-    for near in range(1, _NEAR + 1):
-        around[near:] = np.maximum(around[near:], jerk[:-near])
-        around[:-near] = np.maximum(around[:-near], jerk[near:])
-    return around
+    link: float
+    end: float
 
 
 def deviations(
-    positions: Floats, residual: Floats, breaks: Bools, threshold: Floats, usable: Bools, cost: float, end: float
-) -> tuple[Floats, slice, float]:
-    """How far the frames (F,) of one marker lie off its path, in mm, from where to where it leads, and what it costs.
+    positions: Floats, residual: Floats, breaks: Bools, threshold: Floats, usable: Bools, costs: PathCosts
+) -> Deviations:
+    """Return the deviations of one marker from its path.
 
-    The distance is 0 on the path and within the threshold of it; the cost is that of the frames off it, and of the
-    steps of it that nothing explains.
-
-    positions, residual: (F, 3), NaN where not trusted; breaks: (F,) bool; threshold: (F,) mm; usable: (F,) the frames
-    whose wandering counts. cost: what a step that nothing explains costs, in frames, beyond an end off the path: it is
-    worth it to keep an end of this length. end: what an end off the path costs besides its frames, for a piece between
-    two that can follow each other has gone there and back, even if it is longer than both. Off the chain, the residual
-    of the path is a line; before and after all of it, what it is at its end, or in the median of ``cost`` frames there.
-    A marker that breaks in more than a tenth of its frames has no path.
+    positions, residual: (F, 3) mm, NaN where not measured. breaks: (F,). threshold: (F,) mm. usable: (F,), the samples
+    that show how far the residual changes over a lag. Between segments of the path the residual is interpolated;
+    before and after the path it is its end value, or the median of ``costs.link`` frames there, the nearer one.
     """
-    trusted = np.isfinite(residual[:, 0])
-    off = np.zeros(len(trusted))
-    n_breaks = np.count_nonzero(breaks & trusted)
-    if not n_breaks or n_breaks > _NO_PATH * np.count_nonzero(trusted):
-        return off, slice(0, len(off)), 0.0
-    pieces = _pieces(trusted, breaks)
-    wander = _wander(residual, usable & trusted)
-    chain, toll = _chain(positions, residual, pieces, breaks, threshold, wander, cost, end)
-    kept, doubted = np.flatnonzero(chain), np.flatnonzero(trusted & ~chain)
-    away = np.full(len(doubted), np.inf)
-    for first, last in ((residual[kept[0]], residual[kept[-1]]), _usual(residual[kept], max(1, round(cost)))):
-        bridge = [np.interp(doubted, kept, residual[kept, c], first[c], last[c]) for c in range(3)]
-        away = np.minimum(away, np.linalg.norm(residual[doubted] - np.stack(bridge, axis=1), axis=1))
-    off[doubted] = np.where(away > threshold[doubted], away, 0.0)
-    return off, slice(int(kept[0]), int(kept[-1]) + 1), float(np.count_nonzero(off) + toll)
+    measured = np.isfinite(residual[:, 0])
+    distance = np.zeros(len(measured))
+    n_breaks = np.count_nonzero(breaks & measured)
+    if not n_breaks or n_breaks > _MOST_BREAKS * np.count_nonzero(measured):
+        return Deviations(distance, slice(0, len(distance)), 0.0)
+    segments = cut_segments(measured, _widened(breaks))
+    lag_limits = _lag_limits(residual, usable & measured)
+    links = _Links(positions, residual, segments, breaks, threshold, lag_limits, costs.link + costs.end)
+    chain, chain_cost = best_chain(segments, len(residual), links.costs, costs.end)
+    kept, left_out = np.flatnonzero(chain), np.flatnonzero(measured & ~chain)
+    # Distance of each sample left out from the residual interpolated through the chain, for both choices of its ends.
+    nearest = np.full(len(left_out), np.inf)
+    n_end = max(1, round(costs.link))
+    medians = nan_median(residual[kept][:n_end]), nan_median(residual[kept][-n_end:])
+    for first, last in ((residual[kept[0]], residual[kept[-1]]), medians):
+        line = [np.interp(left_out, kept, residual[kept, c], first[c], last[c]) for c in range(3)]
+        nearest = np.minimum(nearest, np.linalg.norm(residual[left_out] - np.stack(line, axis=1), axis=1))
+    distance[left_out] = np.where(nearest > threshold[left_out], nearest, 0.0)
+    span = slice(int(kept[0]), int(kept[-1]) + 1)
+    return Deviations(distance, span, float(np.count_nonzero(distance) + chain_cost))
 
 
-def _usual(kept: Floats, near: int) -> tuple[Floats, Floats]:
-    """The medians of the first and the last rows of a path (n, 3)."""
-    return nan_median(kept[:near]), nan_median(kept[-near:])
-
-
-def _pieces(trusted: Bools, breaks: Bools) -> Ints:
-    """Pieces (start, stop) between gaps and breaks; the frames next to a break are pieces of their own."""
+def _widened(breaks: Bools) -> Bools:
+    """Return breaks (F,) and the frames within 2 of them."""
     near = breaks.copy()
-    for halo in range(1, _HALO + 1):
-        near[halo:] |= breaks[:-halo]
-        near[:-halo] |= breaks[halo:]
-    parts = []
-    for start, stop in runs(trusted):
-        inner = start + 1 + np.flatnonzero(near[start + 1 : stop])
-        parts.append(np.stack([np.r_[start, inner], np.r_[inner, stop]], axis=1))
-    return np.concatenate(parts)
+    for shift in range(1, _CUT_REACH + 1):
+        near[shift:] |= breaks[:-shift]
+        near[:-shift] |= breaks[shift:]
+    return near
 
 
-def _wander(residual: Floats, usable: Bools) -> Floats:
-    """How far a residual may wander over each of the lags: 3 times what it does in nine of ten cases."""
-    far = np.zeros(len(_LAGS))
+def _lag_limits(residual: Floats, usable: Bools) -> Floats:
+    """Return how far a residual (F, 3) may change over each of ``_LAGS``, mm.
+
+    3 times the 90th percentile of its changes. A lag with 20 changes or fewer has the limit of the shorter ones.
+    """
+    limits = np.zeros(len(_LAGS))
     for k, lag in enumerate(_LAGS[len(residual) > _LAGS]):
         both = usable[lag:] & usable[:-lag]
-        if np.count_nonzero(both) > _FEW:
-            gone = np.linalg.norm(residual[lag:][both] - residual[:-lag][both], axis=1)
-            far[k] = _WANDER * np.partition(gone, int(0.9 * len(gone)))[int(0.9 * len(gone))]
-    return np.asarray(np.maximum.accumulate(far))
+        if np.count_nonzero(both) > _FEWEST_CHANGES:
+            change = np.linalg.norm(residual[lag:][both] - residual[:-lag][both], axis=1)
+            rank = int(_LAG_SHARE * len(change))
+            limits[k] = _LAG_FACTOR * np.partition(change, rank)[rank]
+    return np.asarray(np.maximum.accumulate(limits))
 
 
-def _chain(
-    positions: Floats,
-    residual: Floats,
-    pieces: Ints,
-    breaks: Bools,
-    threshold: Floats,
-    wander: Floats,
-    cost: float,
-    end: float,
-) -> tuple[Bools, float]:
-    """The frames (F,) of the chain of pieces of most length less what its steps and ends cost; and that cost."""
-    starts, stops = pieces.T
-    several = (stops - starts > 1)[:, None]
+class _Links:
+    """The links between segments of one marker, and the cost of those that nothing explains."""
 
-    def ends(path: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        first, last = path[starts], path[stops - 1]
-        leaving = np.where(several, last - path[np.maximum(stops - 2, 0)], 0.0)
-        arriving = np.where(several, path[np.minimum(starts + 1, len(path) - 1)] - first, 0.0)
-        return first, last, leaving, arriving
+    def __init__(
+        self,
+        positions: Floats,
+        residual: Floats,
+        segments: Ints,
+        breaks: Bools,
+        threshold: Floats,
+        lag_limits: Floats,
+        unexplained: float,
+    ) -> None:
+        self.starts, self.stops = segments.T
+        self.several = self.stops - self.starts > 1
+        self.of_residual, self.of_position = SegmentEnds.of(residual, segments), SegmentEnds.of(positions, segments)
+        self.breaks, self.threshold, self.lag_limits = breaks, threshold, lag_limits
+        self.unexplained = unexplained
 
-    first, last, leaving, arriving = ends(residual)
-    came, went, away, towards = ends(positions)
-    length = (stops - starts).astype(float)
-    before, toll = np.full(len(pieces), -1), np.r_[0.0, np.full(len(pieces) - 1, end)]
-    total = length - toll
-    for i in range(1, len(pieces)):
-        j = np.arange(max(0, i - _LOOK_BACK), i)
-        gap = starts[i] - (stops[j] - 1)
-        far = gap > _FREE
-        limit = np.maximum(threshold[starts[i]], threshold[stops[j] - 1])
-        limit = np.where(far, np.maximum(limit * (1 + _GROWTH * (gap - _FREE)), np.interp(gap, _LAGS, wander)), limit)
-        step, leap, time = first[i] - last[j], came[i] - went[j], gap[:, None].astype(float)
-        by_residual = np.array([step, step - time * leaving[j], step - time * arriving[i]])
-        by_position = np.array([leap - time * away[j], leap - time * towards[i]])
-        can = (np.einsum("kjc,kjc->kj", by_residual, by_residual) <= limit**2).any(axis=0)
-        close = (gap <= _NEAR + 1) & (several[i, 0] | several[j, 0])
-        can |= close & (np.einsum("kjc,kjc->kj", by_position, by_position) <= threshold[starts[i]] ** 2).any(axis=0)
-        can |= (gap == 1) & ~breaks[starts[i]]
-        worth = total[j] - np.where(can, 0.0, cost + end)
-        best = int(np.argmax(worth))
-        if worth[best] > -end:
-            before[i] = j[best]
-            total[i] = length[i] + worth[best]
-            toll[i] = toll[j[best]] + total[j[best]] - worth[best]
-    total[:-1], toll[:-1] = total[:-1] - end, toll[:-1] + end
-    chosen = np.zeros(len(residual), dtype=bool)
-    last_piece = i = int(np.argmax(total))
-    while i >= 0:
-        chosen[starts[i] : stops[i]] = True
-        i = int(before[i])
-    return chosen, float(toll[last_piece])
+    def costs(self, segment: int, earlier: Ints) -> Floats:
+        """Return the costs (j,) of the links from earlier segments (j,): 0 where the segment can follow."""
+        start, before = self.starts[segment], self.stops[earlier] - 1
+        gap = start - before
+        # By the residual: kept, or extrapolated from either end, within a limit that grows with the gap.
+        misses = self.of_residual.misses(segment, earlier, gap)
+        limit = self._limits(start, before, gap)
+        follows = (np.einsum("kjc,kjc->kj", misses, misses) <= limit**2).any(axis=0)
+        # By the position, over short gaps only: extrapolated from either end.
+        near = (gap <= _POSITION_GAP) & (self.several[segment] | self.several[earlier])
+        misses = self.of_position.misses(segment, earlier, gap)[1:]
+        follows |= near & (np.einsum("kjc,kjc->kj", misses, misses) <= self.threshold[start] ** 2).any(axis=0)
+        # Adjacent frames without a break between them.
+        follows |= (gap == 1) & ~self.breaks[start]
+        return np.where(follows, 0.0, self.unexplained)
 
-
-def bursts(innovation: Floats, usable: Bools, expected: Floats) -> Bools:
-    """Samples (F, M) in bursts of noise: the median innovation of 5 frames is beyond its threshold for 4 or more.
-
-    The threshold is as in ``thresholds``; the last of these frames leads back and is none of the samples.
-    """
-    out = np.zeros_like(usable)
-    if len(innovation) < _WINDOW:
-        return out
-    noise = np.full_like(innovation, np.nan)
-    half = _WINDOW // 2
-    noise[half : len(noise) - half] = nan_median(sliding_window_view(innovation, _WINDOW, axis=0), axis=2)
-    loud = noise > thresholds(noise, usable, expected)
-    for marker, start, stop in column_runs(loud):
-        if stop - start >= _FEWEST:
-            out[start : stop - 1, marker] = True
-    return out
-
-
-def tail(noise: Floats) -> tuple[Floats, Floats]:
-    """The median of noise (F, M), NaN where it is not known, and the value (M,) that it exceeds once in a million.
-
-    An exponential tail through the median and the 95th percentile, found without what lies beyond the tail through the
-    75th, so that a marker that is at fault in a twentieth of its frames does not hide it.
-    """
-    for share in (0.75, 0.95, 0.95):
-        median, high = np.nan_to_num(nan_quantiles(noise, (0.5, share)))
-        rare = median + (high - median) * np.log(0.5 / _RARE) / np.log(0.5 / (1 - share))
-        noise = np.where(noise > np.maximum(rare, _LEAST), np.nan, noise)
-    return median, rare
+    def _limits(self, start: int, before: Ints, gap: Ints) -> Floats:
+        """Return how far (j,) the residual may change over gaps (j,) that begin at frames before (j,)."""
+        limit = np.maximum(self.threshold[start], self.threshold[before])
+        grown = np.maximum(limit * (1 + _LIMIT_GROWTH * (gap - _SHORT_GAP)), np.interp(gap, _LAGS, self.lag_limits))
+        return np.asarray(np.where(gap > _SHORT_GAP, grown, limit))

@@ -1,7 +1,7 @@
-"""Where each marker should be by the markers around it: a ridge regression in the frame of its body segment.
+"""Prediction of each marker from its partners: a robust ridge regression in the frame of its body segment.
 
-For every marker its most rigid partners span a frame, in which most of the motion is gone; in it the marker's place is
-regressed on theirs. On request it also looks for the frame from which on a marker sits elsewhere in its segment.
+The most rigid partners of a marker span a frame that travels with its segment; most of the motion is gone in it. There
+the place of the marker is regressed on the places of the partners. Steps are searched for on request.
 """
 
 from dataclasses import dataclass
@@ -10,115 +10,136 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
 from mocapclean.detection.robust_ridge import Rows, regress
-from mocapclean.detection.steps import Step, steps_of
+from mocapclean.detection.step_search import find_steps
+from mocapclean.detection.steps import Step
 from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import PARTNERS, Rigidity
 from mocapclean.numerics import interpolation
 
-_ENOUGH = 10
-_TRAIN, _SHAPED = 800, 100
-_AT_ONCE = 8000
+# Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md), where no other reason is given; no sweep
+# was kept.
+_FEWEST_PARTNERS = 3  # partners that span a frame
+_FEWEST_FRAMES = 10  # usable frames to learn from
+_MOST_ROWS = 800  # frames that a regression is learnt from, evenly spaced over the usable ones
+_SHAPE_FRAMES = 100  # of these, frames that the mean shape of the partners is taken over
+_SHAPE_ROUNDS = 2  # alignments to the mean shape so far
+_SCALE_SLACK = 25.0  # mm², added to the variance of a distance: inputs that vary less than 5 mm have about one scale
+_BATCH = 8000  # frames times markers that are predicted at once; bounds the memory
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """What the others say of each marker.
+    """The prediction of each marker from its partners.
 
-    residual: (F, M, 3) mm, the marker less what is expected, in its segment's frame; expected: (F, M, 3) mm, in the
-    world; rotation: (F, M, 3, 3), segment to world; known: (M,), whether anything is said; steps: the best of each
-    marker, if they were asked for.
+    positions: (F, M, 3) mm, the predicted positions. residual: (F, M, 3) mm, the position less the predicted one, in
+    the segment's frame. rotation: (F, M, 3, 3), from the segment to the world. predicted: (M,), whether a marker is
+    predicted. steps: the best step of each marker, if steps were searched for.
     """
 
+    positions: Floats
     residual: Floats
-    expected: Floats
     rotation: Floats
-    known: Bools
+    predicted: Bools
     steps: tuple[Step, ...] = ()
 
 
 def predict(
     positions: Floats, usable: Bools, rigid: Rigidity, *, slide: int | None = None, only: Bools | None = None
 ) -> Prediction:
-    """Predict every marker (or only some, (M,) bool) in every frame from its partners.
+    """Return the prediction of every marker, or only of some (M,), in every frame.
 
-    positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: how many frames a step
-    may take, None where steps are not asked for. A marker with fewer than 3 partners or too few usable frames is not
-    predicted: it is expected where the mean of all markers goes.
+    positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
+    step, in frames; None searches for no steps. A marker with fewer than 3 partners or 10 usable frames is not
+    predicted: its predicted position is the mean of all markers.
     """
     n_frames, n_markers = usable.shape
-    expected = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
+    predicted_positions = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
     rotation = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3)).copy()
-    residual = positions - expected
-    around = _Around.of(rigid)
-    known = np.count_nonzero(around.weights, axis=1) >= 3
-    known &= (np.count_nonzero(usable, axis=0) >= _ENOUGH) & (True if only is None else only)
+    residual = positions - predicted_positions
+    neighbours = _Neighbours.of(rigid)
+    predicted = np.count_nonzero(neighbours.weights, axis=1) >= _FEWEST_PARTNERS
+    predicted &= (np.count_nonzero(usable, axis=0) >= _FEWEST_FRAMES) & (True if only is None else only)
     steps: list[Step] = []
     paths = positions.transpose(2, 1, 0)
-    able, at_once = np.flatnonzero(known), max(1, _AT_ONCE // n_frames)
-    for markers in (able[first : first + at_once] for first in range(0, len(able), at_once)):
-        learnt_from = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
-        rows = Rows.of([frames[evenly_spaced(len(frames), _TRAIN)] for frames in learnt_from])
-        seen = paths[:, around.partners[markers]].swapaxes(2, 3)
-        turn, centre = _segments(seen, around.weights[markers], rows)
-        local = _into(seen - centre[..., None], turn[..., None]) / around.scale[markers, None]
+    columns, batch = np.flatnonzero(predicted), max(1, _BATCH // n_frames)
+    for markers in (columns[first : first + batch] for first in range(0, len(columns), batch)):
+        usable_frames = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
+        rows = Rows.of([frames[evenly_spaced(len(frames), _MOST_ROWS)] for frames in usable_frames])
+        # The frames of the segments, and in them the inputs (partners, scaled) and the targets (the markers).
+        partners = paths[:, neighbours.partners[markers]].swapaxes(2, 3)
+        axes, centre = _segment_frames(partners, neighbours.weights[markers], rows)
+        local = _to_segment(partners - centre[..., None], axes[..., None]) / neighbours.scale[markers, None]
         inputs = np.moveaxis(local, 0, 2).reshape(len(markers), n_frames, -1)
-        wanted = np.moveaxis(_into(paths[:, markers] - centre, turn), 0, 2)
-        learnt = rows.take(inputs), rows.take(wanted), rows
-        guess = regress(*learnt).at(inputs)
-        steps += [] if slide is None else steps_of(markers, *learnt, min(slide, n_frames))
-        residual[:, markers] = (wanted - guess).swapaxes(0, 1)
-        rotation[:, markers] = np.moveaxis(turn, (2, 3), (1, 0))
-        expected[:, markers] = np.moveaxis(_out_of(np.moveaxis(guess, 2, 0), turn) + centre, (0, 2), (2, 0))
-    return Prediction(residual, expected, rotation, known, tuple(steps))
+        targets = np.moveaxis(_to_segment(paths[:, markers] - centre, axes), 0, 2)
+        learnt_from = rows.take(inputs), rows.take(targets), rows
+        fitted = regress(*learnt_from).predict(inputs)
+        steps += [] if slide is None else find_steps(markers, *learnt_from, min(slide, n_frames))
+        residual[:, markers] = (targets - fitted).swapaxes(0, 1)
+        rotation[:, markers] = np.moveaxis(axes, (2, 3), (1, 0))
+        world = _to_world(np.moveaxis(fitted, 2, 0), axes) + centre
+        predicted_positions[:, markers] = np.moveaxis(world, (0, 2), (2, 0))
+    return Prediction(predicted_positions, residual, rotation, predicted, tuple(steps))
 
 
 def complete(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
-    """Positions (F, M, 3) with what is not usable replaced: as expected, plus the residual carried over the gap."""
-    filled = interpolation.linear(positions, usable)
+    """Return positions (F, M, 3) in which samples that are not usable (F, M) are replaced.
+
+    By the predicted position plus the residual interpolated over the gap; without a prediction, by interpolation.
+    """
+    interpolated = interpolation.linear(positions, usable)
     if usable.all():
-        return filled
-    found = predict(filled, usable, rigid, only=np.asarray(~usable.all(axis=0)))
-    carried = interpolation.linear(found.residual, usable)
-    better = found.expected + (found.rotation @ carried[..., None])[..., 0]
-    return np.where((~usable & found.known & usable.any(axis=0))[..., None], better, filled)
+        return interpolated
+    prediction = predict(interpolated, usable, rigid, only=np.asarray(~usable.all(axis=0)))
+    residual = interpolation.linear(prediction.residual, usable)
+    completed = prediction.positions + (prediction.rotation @ residual[..., None])[..., 0]
+    replaced = ~usable & prediction.predicted & usable.any(axis=0)
+    return np.where(replaced[..., None], completed, interpolated)
 
 
 @dataclass(frozen=True)
-class _Around:
-    """The partners (M, 10) of all markers, their weights (M, 10) and scales (M, 10); 0 and ∞ where there are fewer."""
+class _Neighbours:
+    """The partners (M, 10) of all markers, their weights (M, 10) and the scales (M, 10) of their coordinates, mm.
+
+    A marker with fewer partners has weights of 0 and infinite scales in the other columns.
+    """
 
     partners: Ints
     weights: Floats
     scale: Floats
 
     @classmethod
-    def of(cls, rigid: Rigidity) -> "_Around":
+    def of(cls, rigid: Rigidity) -> "_Neighbours":
+        """Return the partners of all markers."""
         partners = np.zeros((len(rigid.spread), PARTNERS), dtype=np.intp)
         weights, scale = np.zeros(partners.shape), np.full(partners.shape, np.inf)
         for marker in range(len(partners)):
-            chosen, says = rigid.partners(marker)
-            partners[marker, : len(chosen)], weights[marker, : len(chosen)] = chosen, says
-            scale[marker, : len(chosen)] = np.sqrt(rigid.spread[marker, chosen] ** 2 + 25.0)
+            own, own_weights = rigid.partners(marker)
+            partners[marker, : len(own)], weights[marker, : len(own)] = own, own_weights
+            # A partner that keeps its distance varies little: its coordinates are scaled up, and penalised less.
+            scale[marker, : len(own)] = np.sqrt(rigid.spread[marker, own] ** 2 + _SCALE_SLACK)
         return cls(partners, weights, scale)
 
 
-def _segments(seen: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats]:
-    """The frames of segments (3, b, F, K) over all frames, about the mean shapes of 100 of the rows."""
-    some = np.linspace(0, rows.number - 1, _SHAPED, axis=1).astype(int)
-    frames = np.take_along_axis(rows.frames, some, axis=1)
-    sample = np.take_along_axis(seen, frames[None, :, :, None], axis=2)
-    shape = sample[:, :, _SHAPED // 2]
-    for _ in range(2):
-        turn, centre = align_shapes(shape, sample, weights)
-        shape = _into(sample - centre[..., None], turn[..., None]).mean(axis=2)
-    return align_shapes(shape, seen, weights)
+def _segment_frames(partners: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats]:
+    """Return axes (3, 3, b, F) and centres (3, b, F) of the segments that partners (3, b, F, K) span.
+
+    The partners are aligned to their mean shape over 100 of the rows, weighted by (b, K).
+    """
+    chosen = np.linspace(0, rows.number - 1, _SHAPE_FRAMES, axis=1).astype(int)
+    frames = np.take_along_axis(rows.frames, chosen, axis=1)
+    sample = np.take_along_axis(partners, frames[None, :, :, None], axis=2)
+    shape = sample[:, :, _SHAPE_FRAMES // 2]
+    for _ in range(_SHAPE_ROUNDS):
+        axes, centre = align_shapes(shape, sample, weights)
+        shape = _to_segment(sample - centre[..., None], axes[..., None]).mean(axis=2)
+    return align_shapes(shape, partners, weights)
 
 
-def _into(away: Floats, turn: Floats) -> Floats:
-    """World vectors (3, ...) in frames (3, 3, ...)."""
-    return np.stack([away[0] * turn[0, j] + away[1] * turn[1, j] + away[2] * turn[2, j] for j in range(3)])
+def _to_segment(world: Floats, axes: Floats) -> Floats:
+    """Return vectors (3, ...) of the world in the frames with these axes (3, 3, ...)."""
+    return np.stack([world[0] * axes[0, j] + world[1] * axes[1, j] + world[2] * axes[2, j] for j in range(3)])
 
 
-def _out_of(local: Floats, turn: Floats) -> Floats:
-    """Vectors (3, ...) of frames (3, 3, ...) in the world."""
-    return np.stack([local[0] * turn[i, 0] + local[1] * turn[i, 1] + local[2] * turn[i, 2] for i in range(3)])
+def _to_world(local: Floats, axes: Floats) -> Floats:
+    """Return vectors (3, ...) of the frames with these axes (3, 3, ...) in the world."""
+    return np.stack([local[0] * axes[i, 0] + local[1] * axes[i, 1] + local[2] * axes[i, 2] for i in range(3)])

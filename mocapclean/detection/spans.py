@@ -1,4 +1,4 @@
-"""Spans that the user distrusts, from a CSV file of marker,first,last in the file's own frame numbers, inclusive."""
+"""Spans that the user distrusts, from a CSV file of marker,first,last: frame numbers of the take's file, inclusive."""
 
 import csv
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from mocapclean.take.names import similar_names
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """Frames first to last (inclusive, the file's own numbers) of one marker, and the place that says so."""
+    """Frames first to last of one marker, inclusive, in the file's own numbers. ``place``: file and line of the CSV."""
 
     marker: str
     first: int
@@ -20,7 +20,7 @@ class Span:
 
 
 def read_spans(path: Path) -> tuple[Span, ...]:
-    """Read a CSV of marker,first,last; a first line with just these words is passed over.
+    """Return the spans of a CSV of marker,first,last; a first line with just these words is a header.
 
     Raises UsageError with the line of the first fault.
     """
@@ -40,6 +40,7 @@ def read_spans(path: Path) -> tuple[Span, ...]:
 
 
 def _span(cells: list[str], place: str) -> Span:
+    """Return the span of a line. Raises UsageError if it is not one."""
     try:
         marker, first, last = cells
         span = Span(marker=marker, first=int(first), last=int(last), place=place)
@@ -51,7 +52,7 @@ def _span(cells: list[str], place: str) -> Span:
 
 
 def distrust(take: Take, spans: tuple[Span, ...]) -> Take:
-    """Lower trust in these spans of a take.
+    """Return a take in which these spans are not trusted, with a finding for each.
 
     Raises UsageError for a marker or a frame that the take does not have.
     """

@@ -154,7 +154,7 @@ def _widened(mask: Bools) -> Bools:
 
 def _exact(clean: Take, injected: Injected) -> int:
     """Return the number of swaps whose repair restores every sample bit for bit."""
-    fixed = swap.put_back(Evidence(injected.take), swap.Params())
+    fixed = swap.undo(Evidence(injected.take), swap.Params())
     same = (fixed.positions == clean.positions).all(axis=2) & fixed.trusted
     return sum(bool(same[injected.samples(event)].all()) for event in injected.events if event.kind == "swap")
 

@@ -1,4 +1,4 @@
-"""Exchanged markers: found where they are, put back to the last bit, and nothing found where there are none."""
+"""Exchanged labels: all are found and undone to the last bit, and none in takes without them."""
 
 import numpy as np
 import pytest
@@ -34,14 +34,14 @@ def test_nothing_is_exchanged_in_a_clean_take(walk):
 def test_exchanges_are_found_and_put_back(walk, spans, names):
     a, b = (walk.markers.index(name) for name in names)
     positions = swapped(walk, a, b, *spans)
-    found = find(walk, positions)
-    assert [(one.first, one.second) for one in found] == [(min(a, b), max(a, b))]
+    pairs = find(walk, positions)
+    assert [(pair.first, pair.second) for pair in pairs] == [(min(a, b), max(a, b))]
     expected = np.zeros(len(positions), bool)
     for start, stop in spans:
         expected[start:stop] = True
-    np.testing.assert_array_equal(found[0].frames, expected)
-    assert found[0].after < found[0].before
-    np.testing.assert_array_equal(exchange(positions, found), walk.positions)
+    np.testing.assert_array_equal(pairs[0].frames, expected)
+    assert pairs[0].after < pairs[0].before
+    np.testing.assert_array_equal(exchange(positions, pairs), walk.positions)
 
 
 def test_a_jump_of_two_markers_at_once_is_no_exchange(walk):
@@ -55,5 +55,5 @@ def test_a_gap_within_is_passed_over(walk):
     a, b = walk.markers.index("LFHD"), walk.markers.index("RFHD")
     positions, trusted = swapped(walk, a, b, (100, 200)), walk.trusted.copy()
     trusted[140:150, a] = False
-    (found,) = find(walk, positions, trusted)
-    np.testing.assert_array_equal(np.flatnonzero(found.frames), np.r_[100:140, 150:200])
+    (pair,) = find(walk, positions, trusted)
+    np.testing.assert_array_equal(np.flatnonzero(pair.frames), np.r_[100:140, 150:200])

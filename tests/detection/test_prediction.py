@@ -1,4 +1,4 @@
-"""Segments: rotations against the singular value decomposition, and what a rigid body says of its own points."""
+"""Prediction: rotations of segments against the singular value decomposition, rigid bodies, and steps."""
 
 import numpy as np
 from hypothesis import given, settings
@@ -31,12 +31,12 @@ def test_rotations_agree_with_the_svd(seed, n_points, noise):
     seen = shape @ turns.swapaxes(1, 2) + rng.normal(size=(20, 1, 3)) * 500
     seen = seen + rng.normal(size=seen.shape) * noise
     turned, middles = align_shapes(shape.T[:, None], np.moveaxis(seen, 2, 0)[:, None], weights[None])
-    found, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
-    np.testing.assert_allclose(found @ found.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
+    rotations, centres = np.moveaxis(turned[:, :, 0], 2, 0), middles[:, 0].T
+    np.testing.assert_allclose(rotations @ rotations.swapaxes(1, 2), np.broadcast_to(np.eye(3), (20, 3, 3)), atol=1e-12)
     np.testing.assert_allclose(centres, np.einsum("k,fkc->fc", weights / weights.sum(), seen))
     spread = np.linalg.svd(shape - shape.mean(axis=0), compute_uv=False)
     if spread[1] > 20 + 2 * noise:
-        np.testing.assert_allclose(found, kabsch(shape, seen, weights), atol=1e-5)
+        np.testing.assert_allclose(rotations, kabsch(shape, seen, weights), atol=1e-5)
 
 
 def body(rng, n_frames=300, n_markers=8):
@@ -50,14 +50,14 @@ def body(rng, n_frames=300, n_markers=8):
 def test_a_rigid_body_predicts_its_points(rng):
     positions = body(rng)
     usable = np.ones(positions.shape[:2], bool)
-    found = predict(positions, usable, rigidity(positions, usable))
-    assert found.known.all()
-    np.testing.assert_allclose(found.expected, positions, atol=1e-3)
-    turned = (found.rotation @ found.residual[..., None])[..., 0] + found.expected
+    prediction = predict(positions, usable, rigidity(positions, usable))
+    assert prediction.predicted.all()
+    np.testing.assert_allclose(prediction.positions, positions, atol=1e-3)
+    turned = (prediction.rotation @ prediction.residual[..., None])[..., 0] + prediction.positions
     np.testing.assert_allclose(turned, positions, atol=1e-9)
 
 
-def test_what_is_not_usable_is_not_read_and_is_completed(rng):
+def test_samples_that_are_not_usable_are_not_read_and_are_completed(rng):
     positions = body(rng)
     usable = rng.random(positions.shape[:2]) > 0.05
     usable[100:140, 2] = False
@@ -68,45 +68,45 @@ def test_what_is_not_usable_is_not_read_and_is_completed(rng):
     assert np.abs(done - positions)[100:140, 2].max() < 5.0
 
 
-def test_a_step_is_found_where_it_is_and_as_large(rng):
+def test_a_step_is_found_at_its_frame_and_with_its_size(rng):
     positions = body(rng) + rng.normal(size=(300, 8, 3))
     usable = np.ones(positions.shape[:2], bool)
     steady = predict(positions, usable, rigidity(positions, usable), slide=20)
     assert max(step.score for step in steady.steps) < 8.0
     offset = np.array([12.0, -9.0, 14.0])
     positions[180:, 4] += (steady.rotation[180:, 4] @ offset[:, None])[..., 0]
-    found = predict(positions, usable, rigidity(positions, usable), slide=20)
-    step = max(found.steps, key=lambda step: step.score)
+    prediction = predict(positions, usable, rigidity(positions, usable), slide=20)
+    step = max(prediction.steps, key=lambda step: step.score)
     assert (step.marker, abs(step.start - 180) <= 2) == (4, True)
     assert step.score > 20.0
     assert abs(np.linalg.norm(step.offset) - np.linalg.norm(offset)) < 3.0
 
 
-def test_a_slide_makes_as_large_a_step(rng):
+def test_a_slide_leads_to_a_step_of_its_size(rng):
     positions = body(rng) + rng.normal(size=(300, 8, 3))
     usable = np.ones(positions.shape[:2], bool)
     turns = predict(positions, usable, rigidity(positions, usable)).rotation[:, 4]
     share = np.clip((np.arange(300) - 150) / 30, 0.0, 1.0)[:, None]
     positions[:, 4] += (turns @ (share * [12.0, -9.0, 14.0])[..., None])[..., 0]
-    found = predict(positions, usable, rigidity(positions, usable), slide=30)
-    step = max(found.steps, key=lambda step: step.score)
+    prediction = predict(positions, usable, rigidity(positions, usable), slide=30)
+    step = max(prediction.steps, key=lambda step: step.score)
     assert (step.marker, 140 <= step.start <= 190) == (4, True)
     assert abs(np.linalg.norm(step.offset) - np.linalg.norm([12.0, -9.0, 14.0])) < 3.0
 
 
-def test_a_step_that_one_side_of_it_denies_is_none(rng):
+def test_a_step_that_the_samples_of_one_side_contradict_does_not_count(rng):
     positions = body(rng) + 0.2 * rng.normal(size=(300, 8, 3))
     usable = np.ones(positions.shape[:2], bool)
     positions[:32, 4] += 150 * np.sin(np.arange(32) / 6)[:, None] * [0.0, 0.6, 0.8]
-    found = predict(positions, usable, rigidity(positions, usable), slide=20)
-    assert all(step.marker != 4 for step in found.steps)
+    prediction = predict(positions, usable, rigidity(positions, usable), slide=20)
+    assert all(step.marker != 4 for step in prediction.steps)
 
 
 def test_a_lonely_marker_is_not_predicted(rng):
     positions = body(rng, n_markers=3)
     usable = np.ones(positions.shape[:2], bool)
-    found = predict(positions, usable, rigidity(positions, usable))
-    assert not found.known.any()
+    prediction = predict(positions, usable, rigidity(positions, usable))
+    assert not prediction.predicted.any()
 
 
 def test_a_marker_is_predicted_alike_among_others_and_alone(rng):
@@ -119,15 +119,15 @@ def test_a_marker_is_predicted_alike_among_others_and_alone(rng):
     for marker in range(8):
         alone = predict(positions, usable, rigid, slide=20, only=np.arange(8) == marker)
         np.testing.assert_allclose(alone.residual[:, marker], together.residual[:, marker], atol=1e-7)
-        np.testing.assert_allclose(alone.expected[:, marker], together.expected[:, marker], atol=1e-7)
+        np.testing.assert_allclose(alone.positions[:, marker], together.positions[:, marker], atol=1e-7)
         (one,), (other,) = (
-            [step for step in found.steps if step.marker == marker] or [None] for found in (alone, together)
+            [step for step in prediction.steps if step.marker == marker] or [None] for prediction in (alone, together)
         )
         assert (one is None) == (other is None)
         assert one is None or (one.start == other.start and np.isclose(one.score, other.score, rtol=1e-3))
 
 
-def test_markers_that_never_move_make_no_steps(rng):
+def test_markers_that_never_move_have_no_steps(rng):
     positions = np.repeat(rng.normal(size=(1, 8, 3)) * 150, 200, axis=0)
     usable = np.ones(positions.shape[:2], bool)
     assert predict(positions, usable, rigidity(positions, usable), slide=20).steps == ()

@@ -1,4 +1,4 @@
-"""Trust detection: the laws of TDD and of user spans."""
+"""Trust data detection and spans of the user: the properties that must hold."""
 
 import numpy as np
 import pytest
@@ -112,13 +112,13 @@ def test_pure_noise_ends_in_time_and_keeps_something(rng):
 def test_detect_only_lowers_trust_and_names_every_sample(rng):
     take, faults = faulty_take(rng)
     take = with_positions(take, take.positions, np.arange(300)[:, None] % 97 > 3 + np.zeros((1, 12)))
-    found = detect(take)
-    assert not (found.trusted & ~take.trusted).any()
-    named = np.zeros_like(found.trusted)
-    for finding in found.findings:
+    result = detect(take)
+    assert not (result.trusted & ~take.trusted).any()
+    named = np.zeros_like(result.trusted)
+    for finding in result.findings:
         named[slice(*finding.frames), take.markers.index(finding.marker)] = True
-    np.testing.assert_array_equal(named, ~found.trusted)
-    assert faults[~found.trusted].any()
+    np.testing.assert_array_equal(named, ~result.trusted)
+    assert faults[~result.trusted].any()
 
 
 def test_detect_refuses_unknown_rules(rng):
@@ -166,7 +166,7 @@ def test_a_missing_spans_file_is_refused(tmp_path):
         read_spans(tmp_path / "none.csv")
 
 
-def test_a_jump_between_two_long_pieces_is_nobodys_fault(rng):
+def test_two_long_segments_may_lie_a_jump_apart(rng):
     take = smooth_take(rng, n_frames=400)
     positions = take.positions.copy()
     positions[200:, 5] += 90.0

@@ -1,5 +1,6 @@
-"""The rules: what each must find, what none may touch, and how they make one decision."""
+"""The rules: the faults that each must find, the samples that none may distrust, and their common decision."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mocapclean.detection import RULES, _united, detect
-from mocapclean.detection.evidence import LEAST_SCORE, Evidence
+from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.prediction import predict
+from mocapclean.detection.steps import LEAST_SCORE
 from mocapclean.formats import c3d, read, write
 from mocapclean.geometry.distances import rigidity
 from mocapclean.geometry.skeleton import move
@@ -43,7 +45,7 @@ def broken():
 
 @pytest.fixture(scope="module")
 def evidence(broken):
-    """What the faulty walk says of itself, found once."""
+    """The evidence of the faulty walk, shared by the tests."""
     return Evidence(broken.take)
 
 
@@ -51,7 +53,7 @@ def ruled(take, name):
     return RULES[name].examine(Evidence(take), RULES[name].Params())
 
 
-def found(injected, distrusted, kind):
+def found_events(injected, distrusted, kind):
     events = [event for event in injected.events if event.kind == kind]
     return sum(distrusted[injected.samples(event)].mean() >= 0.5 for event in events), len(events)
 
@@ -71,9 +73,9 @@ def test_clean_takes_are_trusted_at_any_rate(motion, rate):
 
 @pytest.mark.parametrize("name", [name for name in ON if name != "missing"])
 def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name):
-    distrusted, told = RULES[name].examine(evidence, RULES[name].Params())
+    distrusted, findings = RULES[name].examine(evidence, RULES[name].Params())
     named = np.zeros_like(distrusted)
-    for finding in told:
+    for finding in findings:
         assert finding.rule == name
         assert finding.message
         assert finding.advice
@@ -82,10 +84,33 @@ def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name)
     assert not (distrusted & ~broken.take.trusted).any()
 
 
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        (
+            "swap",
+            r"carries the label of \w+ for \d+ frames?: distances .* \d+\.\d robust SDs off, exchanged back \d+\.\d",
+        ),
+        ("frozen", r"holds still for \d+ frames while its predicted position moves \d+ mm"),
+        ("drift", r"sits \d+ mm \(\d+ standard errors\) from its place in its segment (up to here|from here on)"),
+        ("flicker", r"flickers for \d+ frames"),
+        ("spike", r"up to \d+ mm off its path for (1 frame|[23] frames), \d+\.\d times the threshold"),
+        ("jump", r"up to \d+ mm off its path for \d+ frames, \d+\.\d times the threshold"),
+        ("predict", r"up to \d+ mm from its predicted position for \d+ frames?"),
+        ("tdd", r"not reachable from the rest of its path at 60 mm per frame for \d+ frames?"),
+    ],
+)
+def test_a_message_gives_size_and_duration(evidence, name, message):
+    _, findings = RULES[name].examine(evidence, RULES[name].Params())
+    assert findings
+    for finding in findings:
+        assert re.fullmatch(message, finding.message)
+
+
 @pytest.mark.parametrize("name", FINDS)
 def test_each_kind_of_fault_has_its_rule(broken, evidence, name):
     distrusted, _ = RULES[name].examine(evidence, RULES[name].Params())
-    hits, events = found(broken, distrusted, FINDS[name])
+    hits, events = found_events(broken, distrusted, FINDS[name])
     assert events
     assert hits == events
 
@@ -94,7 +119,7 @@ def test_each_kind_of_fault_has_its_rule(broken, evidence, name):
 def test_all_rules_find_small_faults_at_other_rates(rate):
     injected = inject(perform("walk", 4.0, rate, 1).markers, np.random.default_rng(0))
     distrusted = ~detect(injected.take).trusted
-    hits = [found(injected, distrusted, kind) for kind in FINDS]
+    hits = [found_events(injected, distrusted, kind) for kind in FINDS]
     assert sum(hit for hit, _ in hits) >= 0.9 * sum(events for _, events in hits)
     near = injected.faulty.copy()
     for shift in (1, 2):
@@ -137,14 +162,14 @@ def test_rules_can_be_switched_off_by_name(box):
     assert "spike" not in {f.rule for f in detect(take, off).findings}
 
 
-@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (0.001, True), (1 / 25.4, True), (10.0, True)])
-def test_units_are_told_and_nothing_is_distrusted(box, factor, told):
+@pytest.mark.parametrize(("factor", "reported"), [(1.0, False), (0.001, True), (1 / 25.4, True), (10.0, True)])
+def test_wrong_units_are_reported_and_nothing_is_distrusted(box, factor, reported):
     distrusted, findings = ruled(moved(box, positions=box.positions * factor), "units")
-    assert bool(findings) == told
+    assert bool(findings) == reported
     assert not distrusted.any()
 
 
-def test_a_sample_that_no_unit_explains_is_distrusted_and_misleads_no_rule(box):
+def test_a_sample_that_no_unit_explains_is_distrusted_and_changes_no_other_finding(box):
     positions = box.positions.copy()
     positions[100:103, 4] = 1e30
     positions[250, 7] = [0.0, -1e12, 0.0]
@@ -175,7 +200,7 @@ def test_prediction_finds_it_too(box):
     assert not np.delete(distrusted, marker, axis=1).any()
 
 
-def test_prediction_says_nothing_where_too_few_partners_are_in_sight(box):
+def test_prediction_judges_no_frame_with_too_few_partners_in_sight(box):
     marker = box.markers.index("LTHI")
     partners, weights = Evidence(box).rigid.partners(marker)
     n_hidden = 1 + int(np.searchsorted(np.cumsum(weights), 0.55 * weights.sum()))
@@ -200,7 +225,7 @@ def test_prediction_leaves_a_limb_that_moves_as_never_before(box):
 
 
 @pytest.mark.parametrize(("start", "stop"), [(30, 115), (12, 100), (60, 142)])
-def test_what_goes_and_comes_back_is_the_jump_even_if_it_lasts_longer(box, start, stop):
+def test_an_excursion_is_the_jump_even_if_it_lasts_longer_than_the_rest(box, start, stop):
     take = box.crop(0, 160)
     positions, marker = take.positions.copy(), box.markers.index("LTHI")
     positions[start:stop, marker] += [0.0, 96.0, -128.0]
@@ -209,7 +234,7 @@ def test_what_goes_and_comes_back_is_the_jump_even_if_it_lasts_longer(box, start
     assert np.count_nonzero(distrusted) <= stop - start + 4
 
 
-def test_bones_tell_a_drift_from_its_echoes(joints):
+def test_rigid_pairs_distinguish_a_drift_from_its_side_effects(joints):
     injected = inject(joints, np.random.default_rng(8), ["drift"], rate=1e-9, size=4.0)
     (event,) = injected.events
     distrusted, (finding,) = ruled(injected.take, "drift")
@@ -244,21 +269,21 @@ def test_noise_in_one_direction_hides_no_drift_in_another(box):
 
 
 @pytest.mark.parametrize(("name", "size"), [("LTHI", 1.6), ("RFHD", 1.2)])
-def test_distances_that_agree_make_up_for_noise(box, name, size):
+def test_agreeing_distances_lower_the_score_that_a_drift_needs(box, name, size):
     positions, marker = box.positions.copy(), box.markers.index(name)
     time = np.arange(len(positions))[:, None]
     noise = sum(np.sin(2 * np.pi * time / period + period * np.arange(1, 4)) for period in (47, 71, 113))
     share = np.clip((time - 300) / 50, 0.0, 1.0)
     positions[:, marker] += size * noise + 20.0 * share * [0.0, 0.6, 0.8]
-    (step,) = Evidence(moved(box, positions=positions)).study.steps
-    assert step.agreed
+    (step,) = Evidence(moved(box, positions=positions)).analysis.steps
+    assert step.distances_agree
     assert step.score < LEAST_SCORE
     assert ruled(moved(box, positions=positions), "drift")[0][350:, marker].all()
 
 
 @pytest.mark.parametrize("n_frames", [170, 250])
 @pytest.mark.parametrize("name", ["thorax", "lfoot", "lradius"])
-def test_bones_tell_a_drift_near_the_end_of_a_short_take(joints, n_frames, name):
+def test_rigid_pairs_show_a_drift_near_the_end_of_a_short_take(joints, n_frames, name):
     take = joints.crop(0, n_frames)
     positions, marker = take.positions.copy(), take.markers.index(name)
     share = np.clip((np.arange(n_frames) - n_frames + 45) / 20, 0.0, 1.0)
@@ -291,12 +316,12 @@ def test_a_slide_is_drift_from_its_beginning(joints):
 
 
 @pytest.mark.parametrize("n_frames", [420, 480])
-def test_a_guard_that_is_held_is_no_bone(joints, n_frames):
+def test_a_guard_that_is_held_is_no_rigid_pair(joints, n_frames):
     assert detect(joints.crop(0, n_frames)).trusted.all()
 
 
 @pytest.mark.parametrize(("name", "first"), [("lclavicle", 250), ("rclavicle", 250), ("rclavicle", 215)])
-def test_a_straying_partner_hides_no_drift_that_bends_other_bones(joints, name, first):
+def test_a_faulty_partner_hides_no_drift_that_changes_other_rigid_pairs(joints, name, first):
     take = joints.crop(0, 360)
     positions, marker = take.positions.copy(), take.markers.index("thorax")
     positions[first:340, take.markers.index(name)] += [-90.0, 90.0, 100.0]
@@ -329,7 +354,7 @@ def test_two_rules_about_one_span_give_one_finding():
         ("bone", "B", (12, 42)),
         ("bone", "A", (20, 25)),
     ]
-    assert united[0].message == "off its path; so says bone"
+    assert united[0].message == "off its path; also found by bone"
 
 
 def test_swaps_are_put_back_to_the_last_bit(box):

@@ -1,1 +1,1 @@
-"""The trust rules, one module each."""
+"""The trust rules, one module each; ``mocapclean.detection`` describes what such a module has."""

@@ -1,7 +1,7 @@
-"""Flicker: a burst of noise, as near an occlusion when few cameras see a marker.
+"""Distrust bursts of noise, as near an occlusion, when few cameras see a marker.
 
-The median change of five frames is beyond what the marker's own noise and the acceleration around it explain, both in
-the world and as seen by the markers around it, for at least four frames.
+The median innovation of five frames exceeds its threshold for at least four frames. The innovation must be large both
+in the world and relative to the partners; the threshold follows from noise and acceleration, as for ``spike``.
 """
 
 from typing import Annotated
@@ -12,24 +12,25 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, findings, lasting
+from mocapclean.detection.rule import Ruling, Switch, duration, findings
 from mocapclean.parameters import STRICT
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params(Switch):
-    """The numbers of the rule."""
+    """The parameters of the rule."""
 
     shortest: Annotated[int, Field(ge=3, description="frames")] = 3
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """The samples (F, M) of bursts."""
-    bursts = np.zeros_like(evidence.study.bursts)
-    for marker, start, stop in column_runs(evidence.study.bursts):
+    """Return the samples (F, M) of bursts, and their findings."""
+    bursts = np.zeros_like(evidence.analysis.bursts)
+    for marker, start, stop in column_runs(evidence.analysis.bursts):
         bursts[start:stop, marker] = stop - start >= params.shortest
 
     def message(marker: int, start: int, stop: int) -> str:
-        return f"flickers {lasting(start, stop)}"
+        return f"flickers {duration(start, stop)}"
 
-    return bursts, tuple(findings("flicker", evidence.take, bursts, message, "look at what hides it from cameras"))
+    advice = "look for an occlusion near these frames"
+    return bursts, tuple(findings("flicker", evidence.take, bursts, message, advice))

@@ -1,7 +1,8 @@
-"""Frozen markers: a marker holds exactly still while the markers around it say that it moves.
+"""Distrust markers that hold their place exactly while their partners move on, as in a gap filled by the last value.
 
-Exactly: no coordinate changes by more than 0.005 mm a frame. When it is let go it must leap by 5 mm and twice as far as
-in the next frame, or go missing, and it must be on the move for most of the take: feet on the ground do neither.
+No coordinate changes by more than 0.005 mm per frame for at least five frames, while the predicted position moves 5 mm.
+Then the marker goes missing, or leaps by 5 mm and twice its next step: feet on the ground do neither. A hold of half of
+the marker's frames or more is left alone, because props rest for most of a take.
 """
 
 from typing import Annotated
@@ -11,35 +12,39 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch
+from mocapclean.detection.holds import LEAST_MOTION, SHORTEST_HOLD
+from mocapclean.detection.rule import Ruling, Switch, duration
 from mocapclean.parameters import STRICT
 from mocapclean.take import Finding
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params(Switch):
-    """The numbers of the rule."""
+    """The parameters of the rule."""
 
-    shortest: Annotated[int, Field(ge=5, description="frames")] = 5
-    least: Annotated[float, Field(ge=5, description="mm that it should have moved meanwhile")] = 5.0
+    shortest: Annotated[int, Field(ge=SHORTEST_HOLD, description="frames")] = SHORTEST_HOLD
+    least: Annotated[float, Field(ge=LEAST_MOTION, description="mm that the predicted position moves meanwhile")] = (
+        LEAST_MOTION
+    )
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """The samples (F, M) that repeat the one before them."""
+    """Return the samples (F, M) that repeat the sample before, and their findings."""
     take = evidence.take
-    frozen, told = np.zeros_like(take.trusted), []
-    for hold in evidence.study.holds:
-        length = hold.stop - hold.start
-        if length >= params.shortest and hold.moved >= params.least:
-            frozen[hold.start : hold.stop, hold.marker] = True
-            told.append(
-                Finding(
-                    rule="frozen",
-                    level="warning",
-                    marker=take.markers[hold.marker],
-                    frames=(hold.start, hold.stop),
-                    message=f"holds still for {length} frames while the markers around it move it {hold.moved:.0f} mm",
-                    advice="look for a gap that was filled with the last value",
-                )
+    frozen, findings = np.zeros_like(take.trusted), []
+    for hold in evidence.analysis.holds:
+        if hold.stop - hold.start < params.shortest or hold.moved < params.least:
+            continue
+        frozen[hold.start : hold.stop, hold.marker] = True
+        lasting = duration(hold.start, hold.stop)
+        findings.append(
+            Finding(
+                rule="frozen",
+                level="warning",
+                marker=take.markers[hold.marker],
+                frames=(hold.start, hold.stop),
+                message=f"holds still {lasting} while its predicted position moves {hold.moved:.0f} mm",
+                advice="look for a gap that was filled with the last value",
             )
-    return frozen, tuple(told)
+        )
+    return frozen, tuple(findings)

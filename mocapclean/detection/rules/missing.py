@@ -1,11 +1,11 @@
-"""Samples that the file itself calls missing: each gap becomes a finding; no trust is lowered."""
+"""Report the samples that the file itself marks as missing, one finding for each gap; no trust is lowered."""
 
 import numpy as np
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, lasting
+from mocapclean.detection.rule import Ruling, duration
 from mocapclean.parameters import STRICT
 from mocapclean.take import Finding
 
@@ -16,14 +16,14 @@ class Params:
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """Name every run of samples (F, M) that reading found untrusted."""
+    """Return no samples, and a finding for every run of samples that were untrusted when read."""
     take = evidence.take
     findings = tuple(
         Finding(
             rule="missing",
             marker=take.markers[marker],
             frames=(start, stop),
-            message=f"missing in the file {lasting(start, stop)}",
+            message=f"missing in the file {duration(start, stop)}",
         )
         for marker, start, stop in column_runs(~take.trusted)
     )

@@ -1,38 +1,31 @@
-"""Spikes: up to three frames that lie off the path of their marker, there and back.
+"""Distrust spikes: up to three frames in which a marker leaves its path and returns.
 
-Off the path means beyond what the marker's own noise and the acceleration around it explain, both in the world and as
-seen by the markers around it (``mocapclean.detection.paths``).
+A sample is off the path when it lies farther from it than the threshold of its marker, which is at least 8 mm. The
+threshold follows from the marker's noise and the acceleration of its predicted positions
+(``mocapclean.detection.breaks``). A marker leaves its path by a break both in the world and relative to its partners.
+Longer excursions belong to ``jump``.
 """
 
 from typing import Annotated
 
-import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
-from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, findings, lasting
+from mocapclean.detection.excursions import LEAST_EXCURSION, LONGEST_SPIKE, examine_excursions
+from mocapclean.detection.rule import Ruling, Switch
 from mocapclean.parameters import STRICT
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params(Switch):
-    """The numbers of the rule."""
+    """The parameters of the rule."""
 
-    longest: Annotated[int, Field(ge=1, description="frames; what is longer is a jump")] = 3
-    least: Annotated[float, Field(ge=8, description="mm off the path")] = 8.0
+    longest: Annotated[int, Field(ge=1, description="frames; a longer excursion is a jump")] = LONGEST_SPIKE
+    least: Annotated[float, Field(ge=LEAST_EXCURSION, description="mm off the path")] = LEAST_EXCURSION
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """The samples (F, M) of short excursions."""
-    study = evidence.study
-    spikes = np.zeros_like(study.bursts)
-    for marker, start, stop in column_runs((study.deviation > 0) & ~study.bursts):
-        if stop - start <= params.longest and study.deviation[start:stop, marker].max() >= params.least:
-            spikes[start:stop, marker] = True
-
-    def message(marker: int, start: int, stop: int) -> str:
-        return f"{study.excursion(marker, start, stop)} off its path {lasting(start, stop)}"
-
-    return spikes, tuple(findings("spike", evidence.take, spikes, message, "nothing, if the fill looks right"))
+    """Return the samples (F, M) of short excursions, and their findings."""
+    advice = "nothing, if the fill looks right"
+    return examine_excursions("spike", evidence, params.least, advice, longest=params.longest)

@@ -1,9 +1,8 @@
-"""Swaps: two markers bear each other's name for a time.
+"""Distrust two markers whose labels are exchanged for a time.
 
-The path of each goes on in the other, at a third of the error, at the first frame and after the last one; exchanged
-back, both are nearer to their distances from rigid partners (``detection/exchanges.py``). With ``fix_swaps`` the
-names are exchanged back, every number as it is in the file, and the samples count as moved; otherwise they are
-distrusted.
+Where the labels change, the path of each marker continues in the other with a third of the error. Exchanged back, both
+are nearer to their normal distances from rigid partners (``mocapclean.detection.exchanges``). With ``fix_swaps`` the
+labels are exchanged back instead: every number stays as it is in the file, and the samples count as moved.
 """
 
 from dataclasses import replace
@@ -16,54 +15,57 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import runs
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.exchanges import Exchange, exchange
-from mocapclean.detection.rule import Ruling, Switch, lasting
+from mocapclean.detection.rule import Ruling, Switch, duration
 from mocapclean.parameters import STRICT
 from mocapclean.take import Finding, Take
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Params(Switch):
-    """The numbers of the rule."""
+    """The parameters of the rule."""
 
     shortest: Annotated[int, Field(ge=1, description="frames")] = 1
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """The samples (F, M) of both markers of each swap."""
+    """Return the samples (F, M) of both markers of each swap, and their findings."""
     swapped = np.zeros_like(evidence.take.trusted)
-    told: list[Finding] = []
-    for found in _long(evidence, params):
-        swapped[found.frames, found.first] = swapped[found.frames, found.second] = True
-        told += _findings(evidence.take, found, "exchange the two labels (--fix-swaps)")
-    return swapped, tuple(told)
+    findings: list[Finding] = []
+    for swap in _swaps(evidence, params):
+        swapped[swap.frames, swap.first] = swapped[swap.frames, swap.second] = True
+        findings += _findings(evidence.take, swap, "exchange the two labels (--fix-swaps)")
+    return swapped, tuple(findings)
 
 
-def put_back(evidence: Evidence, params: Params) -> Take:
-    """The take with the names of swapped markers exchanged back; these samples stay trusted and count as moved."""
-    take, found = evidence.take, tuple(_long(evidence, params))
-    moved, told = take.moved.copy(), []
-    for one in found:
-        moved[one.frames, one.first] = moved[one.frames, one.second] = True
-        told += _findings(take, one, "exchanged back, as asked")
-    return replace(take, positions=exchange(take.positions, found), moved=moved, findings=(*take.findings, *told))
+def undo(evidence: Evidence, params: Params) -> Take:
+    """Return the take with swapped labels exchanged back; these samples stay trusted and count as moved."""
+    take, swaps = evidence.take, tuple(_swaps(evidence, params))
+    moved, findings = take.moved.copy(), list[Finding]()
+    for swap in swaps:
+        moved[swap.frames, swap.first] = moved[swap.frames, swap.second] = True
+        findings += _findings(take, swap, "exchanged back, as asked")
+    positions = exchange(take.positions, swaps)
+    return replace(take, positions=positions, moved=moved, findings=(*take.findings, *findings))
 
 
-def _long(evidence: Evidence, params: Params) -> list[Exchange]:
-    return [found for found in evidence.exchanges if found.frames.sum() >= params.shortest]
+def _swaps(evidence: Evidence, params: Params) -> list[Exchange]:
+    """Return the exchanges that last long enough."""
+    return [swap for swap in evidence.exchanges if swap.frames.sum() >= params.shortest]
 
 
-def _findings(take: Take, found: Exchange, advice: str) -> list[Finding]:
-    names = take.markers[found.first], take.markers[found.second]
+def _findings(take: Take, swap: Exchange, advice: str) -> list[Finding]:
+    """Return a finding for each marker and each run of exchanged frames."""
+    names = take.markers[swap.first], take.markers[swap.second]
     return [
         Finding(
             rule="swap",
             level="warning",
             marker=name,
             frames=(int(start), int(stop)),
-            message=f"bears the name of {other} {lasting(start, stop)}: distances to rigid partners are "
-            f"{found.before:.1f} robust SDs off, exchanged {found.after:.1f}",
+            message=f"carries the label of {other} {duration(start, stop)}: distances to rigid partners are "
+            f"{swap.before:.1f} robust SDs off, exchanged back {swap.after:.1f}",
             advice=advice,
         )
-        for start, stop in runs(found.frames)
+        for start, stop in runs(swap.frames)
         for name, other in (names, names[::-1])
     ]

@@ -1,0 +1,63 @@
+"""Holds: a marker keeps its place exactly while its partners move on.
+
+The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocapclean.arrays import Bools, Floats, column_runs
+from mocapclean.detection.prediction import Prediction
+
+SHORTEST_HOLD = 5  # frames
+LEAST_MOTION = 5.0  # mm, by which the predicted position must move, and the marker leap when it is released
+_STILL = 0.005  # mm per frame, change of a coordinate that counts as none
+_LEAP_RATIO = 2.0  # times its next step that the step of a released marker must be long
+_MOST_STILL = 0.5  # share of its trusted samples that a hold must be less than: props at rest are no fault
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """A marker that keeps its place in frames start to stop while its predicted position moves by ``moved`` mm."""
+
+    marker: int
+    start: int
+    stop: int
+    moved: float
+
+
+def find_holds(positions: Floats, trusted: Bools, prediction: Prediction) -> tuple[Hold, ...]:
+    """Return the holds in positions (F, M, 3) with trust (F, M).
+
+    A hold lasts 5 frames, but less than half of the trusted ones; then the marker leaps, or is not trusted.
+    """
+    still = np.zeros_like(trusted)
+    still[1:] = (np.abs(np.diff(positions, axis=0)) <= _STILL).all(axis=2) & trusted[1:] & trusted[:-1]
+    holds = []
+    for marker, start, stop in column_runs(still & prediction.predicted):
+        short = stop - start < _MOST_STILL * np.count_nonzero(trusted[:, marker])
+        if stop - start >= SHORTEST_HOLD and short and _is_released(positions[:, marker], trusted[:, marker], stop):
+            predicted = prediction.positions[start - 1 : stop, marker]
+            moved = float(np.linalg.norm(predicted - predicted[0], axis=1).max())
+            if moved >= LEAST_MOTION:
+                holds.append(Hold(marker=marker, start=start, stop=stop, moved=moved))
+    return tuple(holds)
+
+
+def hold_mask(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
+    """Return the samples (F, M) of holds."""
+    mask = np.zeros_like(trusted)
+    for hold in holds:
+        mask[hold.start : hold.stop, hold.marker] = True
+    return mask
+
+
+def _is_released(path: Floats, trusted: Bools, frame: int) -> bool:
+    """Whether a path (F, 3) leaps at a frame, by 5 mm and twice its next step, or is not trusted there."""
+    if frame == len(path) or not trusted[frame]:
+        return True
+    leap = float(np.linalg.norm(path[frame] - path[frame - 1]))
+    has_next = frame + 1 < len(path) and trusted[frame + 1]
+    next_step = float(np.linalg.norm(path[frame + 1] - path[frame])) if has_next else 0.0
+    return leap >= max(LEAST_MOTION, _LEAP_RATIO * next_step)
