@@ -13,7 +13,6 @@ MODULES = sorted(ROOT.rglob("*.py"))
 PRIVATE = {
     "scene",
     "piece",
-    "look",
     "looks",
     "surer",
     "spare",
@@ -26,10 +25,7 @@ PRIVATE = {
     "backs",
     "rests",
     "narrowed",
-    "jerk",
     "lesson",
-    "hole",
-    "holes",
     "surely",
 }
 """Words that were names of the project's own making; a textbook term exists for each."""
@@ -51,9 +47,14 @@ def names(path: Path) -> set[str]:
     return words | {name.lower().strip("_") for name in defined}
 
 
+PUBLIC = {("detection/rules/drift.py", "surely")}
+"""Names that users have in their configurations."""
+
+
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_no_private_word_is_a_name(path):
-    assert not names(path) & PRIVATE
+    place = path.relative_to(ROOT).as_posix()
+    assert {(place, word) for word in names(path) & PRIVATE} <= PUBLIC
 
 
 @pytest.mark.parametrize("path", MODULES, ids=lambda p: str(p.relative_to(ROOT)))

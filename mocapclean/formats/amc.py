@@ -69,7 +69,7 @@ def read(path: Path, options: ReadOptions) -> Take:
     skeleton is found.
     """
     raw = load(path)
-    if path.suffix.lower() == skeletons.SUFFIX or skeletons.looks_like_asf(raw):
+    if path.suffix.lower() == skeletons.SUFFIX or skeletons.is_skeleton_text(raw):
         raise FormatError(path, "the file must be a take. Got a skeleton (.asf); give the .amc that moves it.")
     asf_path = options.skeleton or find_skeleton(path, skeletons.SUFFIX)
     document = _parse(path, raw, skeletons.parse(asf_path, load(asf_path)), asf_path.name)

@@ -69,7 +69,7 @@ def read_skeleton(path: Path) -> Skeleton:
     return parse(path, load(path)).skeleton
 
 
-def looks_like_asf(raw: bytes) -> bool:
+def is_skeleton_text(raw: bytes) -> bool:
     """Whether a text begins as a skeleton, not as motion."""
     return re.search(rb"(?im)^[ \t]*:(?:units|root|bonedata)\b", raw[:SEARCHED_BYTES]) is not None
 
