@@ -1,5 +1,6 @@
 """The documents agree with the code: their examples run, and their tables and defaults are complete and true."""
 
+import importlib
 import json
 import os
 import re
@@ -173,6 +174,16 @@ def test_the_table_of_statuses_is_that_of_the_code():
     assert rows == [(status.code, MEANINGS[status]) for status in Status]
     schema = json.loads((ROOT / "docs" / "report.schema.json").read_text(encoding="utf-8"))
     assert schema["$defs"]["status"]["enum"] == [status.code for status in Status]
+
+
+def test_the_list_of_constants_is_that_of_the_code(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    constants = importlib.import_module("constants")
+    unexplained = [f"{module} {name}" for module, name, _, meaning in constants.constants() if not meaning]
+    assert not unexplained
+    assert (ROOT / "docs" / "constants.md").read_text(encoding="utf-8") == constants.document(), (
+        "run: python benchmarks/constants.py > docs/constants.md"
+    )
 
 
 def test_links_lead_somewhere():

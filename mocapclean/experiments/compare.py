@@ -18,6 +18,7 @@ from mocapclean.simulate import occlude
 from mocapclean.take import Take
 
 _LIMITS = metrics.LENGTH_CLASSES
+# Names of the classes of gap length, frames; the limits are those of the reports.
 CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, strict=False)), f"over {_LIMITS[-1]}")
 GROUPS = ("inside", *CLASSES, "at ends")
 MEASURES = (*(f"rmse {name}" for name in GROUPS), "rmse_3d", "largest", "left", "share", "seconds")

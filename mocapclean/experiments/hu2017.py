@@ -51,6 +51,7 @@ SYNTHETIC = ("trnn", "psvt", "ialm")
 """Methods that separate synthetic matrices."""
 
 SYNTHETIC_RANKS = (10, 20, 30, 40, 50, 60)
+"""Ranks of the synthetic matrices, as in Hu et al. 2017."""
 CORRUPTIONS = (0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Shares of the entries of a synthetic matrix that have errors."""
 

@@ -31,6 +31,7 @@ from mocapclean.solvers.fillable import enclosed
 from mocapclean.take import Take
 
 _LIMITS = metrics.LENGTH_CLASSES
+# Names of the classes of gap length, frames; the limits are those of the reports.
 CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, strict=False)), f"over {_LIMITS[-1]}")
 MEASURES = (
     *("hidden", "left", "rmse", "rmse_3d", "largest", "gap_3d_median", "gap_3d_90", "seconds"),
@@ -49,7 +50,7 @@ LOSS = 1.0  # mm; a case in which the default is worse than the other method by 
 SHORT_GAP = 60  # frames; the longest gaps in the last column of the table of grades
 
 MIN_MARKERS = 20  # labelled markers of a take that is run
-MIN_FRAMES = 300
+MIN_FRAMES = 300  # of a take that is run; chosen by hand
 MIN_RATE = 99.5  # Hz; 100 Hz, allowing for rounded rates
 MAX_RATE = 120.5  # Hz; 120 Hz, allowing for rounded rates
 MAX_MISSING = 0.05  # share of the samples
@@ -105,8 +106,12 @@ class ScatteredGaps:
 
 
 Pattern = SingleGaps | ScatteredGaps
-MAIN = (SingleGaps(out=1, length=30), SingleGaps(out=3, length=60), SingleGaps(out=5, length=120))
-SHORT: tuple[Pattern, ...] = (
+MAIN = (  # 1, 3 and 5 markers out for a quarter, a half and a whole second at 120 Hz; chosen by hand
+    SingleGaps(out=1, length=30),
+    SingleGaps(out=3, length=60),
+    SingleGaps(out=5, length=120),
+)
+SHORT: tuple[Pattern, ...] = (  # gaps that a path over time can bridge; chosen by hand
     SingleGaps(out=3, length=5),
     SingleGaps(out=3, length=10),
     ScatteredGaps(count=30, longest=10),

@@ -41,6 +41,7 @@ QUICK_FRAMES = 240
 """First frames of a take that --quick keeps; chosen by hand."""
 
 QUICK_TRAINING = Params(atoms=128, windows=1024, sweeps=2, hole_passes=1)
+"""Training with --quick: an eighth of the atoms and windows; chosen by hand for speed."""
 ENTRIES = (Entry(method="dynammo"), Entry(method="srmmp"), Entry(method="svt"), Entry(method="llc"))
 TUNED: dict[str, tuple[str, tuple[float, ...]]] = {
     "dynammo": ("states", (8, 16, 32)),

@@ -23,11 +23,11 @@ CADENCE = 1.84
 # Events of one foot, as shares of its stride from heel strike to heel strike.
 _FOOT_FLAT = 0.09
 _MIDSTANCE = 0.20  # the hip is above the ankle, where each step is placed
-_HEEL_RISE = 0.33
-_TOE_OFF = 0.61
+_HEEL_RISE = 0.33  # the heel leaves the ground
+_TOE_OFF = 0.61  # the toes leave the ground
 _LEVEL_IN_SWING = 0.88  # the foot is level again after toe off
 _TOES_UP = 0.80  # the toes begin to rise for heel strike
-_HIGHEST_TOES = 0.98
+_HIGHEST_TOES = 0.98  # the toes are highest above the heel
 
 _PUSH_OFF_PITCH = 56.0  # degrees, of the foot at toe off
 _HEEL_STRIKE_PITCH = 19.0  # degrees, of the raised toes at heel strike

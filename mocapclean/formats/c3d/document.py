@@ -19,7 +19,7 @@ from mocapclean.formats.c3d.words import Raw, Words
 
 CHUNK_BYTES = 1 << 18
 """Bytes that are read at a time: bounds the memory. Chosen by hand; no sweep was kept."""
-WORDS_PER_POINT = 4
+WORDS_PER_POINT = 4  # x, y, z and the residual (C3D user guide, 3D data)
 RESIDUAL = 3
 """Index of the residual among the words of a point."""
 

@@ -45,8 +45,8 @@ MACHINE_BYTE = 3
 RECORDS_BYTE = 4
 """The first group or parameter."""
 
-TEXT_KIND = -1
-FLOAT_KIND = 4
+TEXT_KIND = -1  # element type of text (C3D user guide, parameter format)
+FLOAT_KIND = 4  # element type of 32-bit floats (C3D user guide, parameter format)
 NUMBER_KINDS = (1, 2, FLOAT_KIND)
 """Bytes per element of a parameter of numbers: bytes, integers, floats."""
 

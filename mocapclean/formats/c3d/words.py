@@ -25,7 +25,7 @@ MACHINES = (INTEL, DEC, MIPS)
 
 EXPONENT_BITS = np.uint32(0x7F800000)
 """The eight exponent bits of an IEEE 754 single, and of an F_floating word with its halves swapped."""
-SIGN_BIT = np.uint32(0x80000000)
+SIGN_BIT = np.uint32(0x80000000)  # the sign bit of both kinds of word
 HALF_WORD = np.uint32(16)
 """Bits of a half of a 32-bit word, which the VAX stores in the other order."""
 VAX_FACTOR = 4.0

@@ -25,7 +25,7 @@ POLYGON_LENGTH = 300.0
 It is much longer than a short gap, so the conditional mean is a polygon through the samples, which does not overshoot
 where a track jumps or rattles. Chosen by hand; no sweep was kept.
 """
-N_KERNELS = len(MATERN_KERNELS) + 1
+N_KERNELS = len(MATERN_KERNELS) + 1  # the Matérn kernels and the polygon
 MIN_VARIANCE = 1e-9  # of the process variance, keeps a division by the kriging variance finite
 
 
