@@ -52,7 +52,7 @@ RULES: dict[str, ModuleType] = {
 
 
 def detect(take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: bool = False) -> Take:
-    """Return a take with the trust that the rules leave, and with their findings.
+    """Return a take in which the samples that a rule distrusts are untrusted, with the findings of the rules.
 
     rules: name -> ``Params`` of the rules to run, unless they are not ``enabled``; None runs all of ``RULES`` with
     their defaults. fix_swaps: exchange swapped labels back (``moved``) instead of distrusting the samples. Raises

@@ -1,4 +1,4 @@
-"""The analysis of all marker paths of a take: holds, steps, and samples off their path.
+"""Iterative search of all trajectories for holds, lasting steps, and samples that deviate from the rest of their path.
 
 Faults hide each other, because a marker at fault spoils the prediction of its partners. The analysis therefore runs in
 rounds: each round predicts all markers from the samples that the rounds before found reliable, and removes the steps
@@ -89,7 +89,7 @@ def _predicted(given: Round, body: Body, *, with_steps: bool) -> tuple[Predictio
 
 
 def _candidates(credible: list[Step], known: tuple[Step, ...], paths: MarkerPaths) -> list[Step]:
-    """Return the credible steps of markers without a known one that do not raise the cost of their paths."""
+    """Return credible steps of markers without an accepted one whose removal leaves the cost of the path no higher."""
     stepped = {step.marker for step in known}
     return [step for step in credible if step.marker not in stepped and paths.is_no_worse_without(step)]
 

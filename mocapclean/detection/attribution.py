@@ -1,4 +1,4 @@
-"""Attribution of steps: which steps are credible, and which marker made each of them.
+"""Decide which apparent steps are real and which marker shifted: a shift disturbs the predictions of other markers too.
 
 A marker that steps spoils the prediction of its partners, which then seem to step at the same time. Only the marker at
 fault must be corrected; the side effects at its partners vanish with it, in the next round.
@@ -34,7 +34,7 @@ def credible_steps(steps: tuple[Step, ...], paths: MarkerPaths) -> list[Step]:
 def attributed_steps(
     candidates: list[Step], credible: list[Step], known: tuple[Step, ...], suspect: Bools, paths: MarkerPaths
 ) -> list[Step]:
-    """Return the candidates that their own markers made, the highest score first.
+    """Return the candidates caused by a shift of their own marker, not of a partner, highest score first.
 
     Of partners that step at the same time only one is returned, unless the step is a side effect of another. credible:
     all credible steps, candidates or not. known: the steps of earlier rounds. suspect: the markers (M,) with samples
@@ -90,7 +90,7 @@ def _are_rivals(one: Step, other: Step, paths: MarkerPaths) -> bool:
 
 
 def _is_side_effect(step: Step, rival: Step, paths: MarkerPaths) -> bool:
-    """Whether a step is but the effect of a rival on the prediction of its marker.
+    """Whether a step appears only because a partner that steps at the same time spoils the prediction of its marker.
 
     It is if it vanishes when the rival is removed, and the rival stays when the step is removed. If each vanishes with
     the other and the rival is about as large, the rival must explain the changed distances to its partners better.

@@ -1,4 +1,4 @@
-"""Innovations of marker paths, and the thresholds above which an innovation is a break.
+"""The departure of each sample from its neighbouring frames (innovation), and the threshold that makes it a break.
 
 A sample has two coordinates: its position in the world, and its residual, the position less the prediction from its
 partners. A fault of a partner moves the residual and not the position; a fast turn moves the position and not the
@@ -24,7 +24,8 @@ _SHORTEST_BURST = 4  # frames of this median above its threshold
 
 
 def innovations(positions: Floats, residual: Floats) -> Floats:
-    """Return the innovation (F, M) of each frame, mm, from positions and residuals (F, M, 3), NaN where not measured.
+    """Return the innovations (F, M), mm: the least of four prediction errors, by position or residual, forwards or
+    backwards.
 
     The least of four prediction errors: of the residual kept constant, and of the residual or the position
     extrapolated at constant velocity, forwards or backwards in time. NaN where no error can be taken.
@@ -82,7 +83,7 @@ def bursts(innovation: Floats, usable: Bools, predicted: Floats) -> Bools:
 
 
 def noise_tail(noise: Floats) -> tuple[Floats, Floats]:
-    """Return the median of noise (F, M), NaN where unknown, and the value (M,) that it exceeds once in a million.
+    """Return the median of noise (F, M), and the value (M,) that a fitted exponential tail exceeds once in a million.
 
     An exponential tail through the median m and the quantile q: P(noise > m + d) = ½ exp(-d / s), where s follows from
     q. The first pass uses the 75th percentile, the others the 95th without the values beyond the tail so far: faults in

@@ -1,4 +1,6 @@
-"""Evidence of a take for the rules, computed once, at its first use."""
+"""Quantities that several trust rules need (rigidity, exchanged labels, path analysis), each computed once, at first
+use.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property

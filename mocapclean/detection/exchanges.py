@@ -1,4 +1,4 @@
-"""Two markers whose labels are exchanged for a time.
+"""Find two markers that carry each other's label for some frames, and undo the exchange.
 
 Where the labels change, the path of each marker continues in the other; the distances to rigid partners confirm it.
 
@@ -56,7 +56,7 @@ def exchanges(positions: Floats, rigid: Rigidity) -> tuple[Exchange, ...]:
 
 
 def exchange(positions: Floats, pairs: tuple[Exchange, ...]) -> Floats:
-    """Return positions (F, M, 3) with exchanges undone: every number is kept, in the column of the other marker."""
+    """Return positions (F, M, 3) with exchanged labels put back: both columns are exchanged in those frames."""
     undone = positions.copy()
     for pair in pairs:
         first, second = undone[pair.frames, pair.first], undone[pair.frames, pair.second]

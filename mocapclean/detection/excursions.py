@@ -1,4 +1,4 @@
-"""Excursions: runs of samples off the path of their marker. Short ones are spikes, longer ones are jumps."""
+"""Shared code of the rules spike and jump: runs of samples off the path, called excursions, split by length."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -38,7 +38,7 @@ def examine_excursions(
 
 
 def first_jump(longest_spike: int, shortest_jump: int) -> int:
-    """Return the length, in frames, from which on an excursion is a jump; a shorter one is a spike.
+    """Return the least length of a jump, in frames; a shorter excursion is a spike.
 
     The parameters of the two rules may leave lengths between them, or overlap. The one changed from its default then
     sets the boundary; the longest spike, if both are.
@@ -47,7 +47,8 @@ def first_jump(longest_spike: int, shortest_jump: int) -> int:
 
 
 def with_one_boundary(params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parameters of the rules that run, by name, with one boundary between ``spike`` and ``jump``.
+    """Return the rules' parameters, adjusted so that each length of an excursion belongs to exactly one of ``spike``
+    and ``jump``.
 
     If only one of them runs, it keeps its range. ``spike`` is left out where every excursion is a jump.
     """

@@ -1,4 +1,4 @@
-"""Holds: a marker keeps its place exactly while its partners move on.
+"""Find holds: frames in which a marker stays constant although the position predicted from other markers moves.
 
 The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
@@ -54,7 +54,9 @@ def hold_mask(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
 
 
 def _is_released(path: Floats, trusted: Bools, frame: int) -> bool:
-    """Whether a path (F, 3) leaps at a frame, by 5 mm and twice its next step, or is not trusted there."""
+    """Whether a trajectory (F, 3) leaps at a frame, by 5 mm and twice its next displacement, or is untrusted or ends
+    there.
+    """
     if frame == len(path) or not trusted[frame]:
         return True
     leap = float(np.linalg.norm(path[frame] - path[frame - 1]))

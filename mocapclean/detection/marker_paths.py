@@ -1,4 +1,4 @@
-"""The paths of all markers in one round of the analysis, and the effect of a step on them.
+"""One round of the analysis: residuals, breaks and deviations of all paths, and how they change when a step is removed.
 
 The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
@@ -29,7 +29,7 @@ _LEAST_CHANGE = 1e-9  # mm, keeps distances that do not change from a division b
 
 @dataclass(frozen=True)
 class Body:
-    """The markers' relations, the same in all rounds: rigidity, rigid pairs, and the rate in Hz."""
+    """Facts that stay the same in all rounds: rigidity of all pairs, rigid pairs, and frame rate in Hz."""
 
     rigid: Rigidity
     pairs: RigidPairs
@@ -79,7 +79,8 @@ class MarkerPaths:
         self.bursts = bursts(innovation, given.usable, prediction.positions) & measured
 
     def refined(self, step: Step) -> Step:
-        """Return a step with its evidence, moved to where its marker's residual rises most.
+        """Return a step moved to the frame of its largest rise, with the changed rigid pairs and the agreement of
+        distances.
 
         It is moved by up to 10 frames, to a rise of more than half of it, and is sudden if it breaks there. Distances
         can agree with it where the closest partners are rigid: a median robust SD of up to 10 mm.
@@ -103,7 +104,8 @@ class MarkerPaths:
         return self._without(step).cost <= float(self.costs[step.marker])
 
     def readmit(self, step: Step) -> None:
-        """Take samples for off the path only if they are so with a step removed as well.
+        """Keep as off the path only the samples that remain off it without a certain step, if its removal lowers the
+        cost.
 
         Only where the step is certain, the path then costs less, and no sample of the path is lost at its ends.
         """
@@ -162,6 +164,6 @@ class MarkerPaths:
         return deviations(self.positions[:, marker], residual, breaks, threshold, usable, self.path_costs)
 
     def _clear_breaks(self, breaks: Bools, step: Step) -> None:
-        """Clear, in place, the breaks (F,) that a step makes: around a sudden one a frame, around a slide all of it."""
+        """Clear, in place, the breaks (F,) caused by a step: within a frame of a sudden one, or throughout a slide."""
         reach = _SUDDEN_REACH if step.sudden else self.half_slide
         breaks[max(0, step.start - reach) : step.start + reach + 1] = False

@@ -1,4 +1,4 @@
-"""The path of a marker, and the samples that lie off it.
+"""Find a marker's path, the chain of trajectory segments that fit together best, and the samples that deviate from it.
 
 Breaks cut the samples of a marker into segments. The path is the chain of segments with the largest total length, less
 the costs of the links that nothing explains. A link is explained where the later segment lies where the earlier leads.
@@ -40,7 +40,7 @@ class Deviations:
 
 @dataclass(frozen=True)
 class PathCosts:
-    """The costs of a path, in frames.
+    """The penalties, in frames, of a link that nothing explains and of an end that is left out.
 
     link: of a link that nothing explains. end: of an end of the path that is left out, besides its frames. An excursion
     between two segments that can follow each other is therefore left out even if it is longer than both.
@@ -106,7 +106,7 @@ def _lag_limits(residual: Floats, usable: Bools) -> Floats:
 
 
 class _Links:
-    """The links between segments of one marker, and the cost of those that nothing explains."""
+    """The costs of links between segments of a trajectory: 0 where the later one fits a prediction, else a constant."""
 
     def __init__(
         self,

@@ -98,7 +98,7 @@ def complete(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
 
 @dataclass(frozen=True)
 class _Neighbours:
-    """The partners (M, 10) of all markers, their weights (M, 10) and the scales (M, 10) of their coordinates, mm.
+    """The partners (M, 10) of all markers, with their weights and coordinate scales (M, 10), mm.
 
     A marker with fewer partners has weights of 0 and infinite scales in the other columns.
     """

@@ -1,4 +1,4 @@
-"""Rigid pairs: markers whose distance is constant, as that of two joints of one bone, and when it changes.
+"""Pairs of markers at constant distance, and the test whether that distance changes at the frame of a suspected step.
 
 The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
@@ -32,7 +32,7 @@ class RigidPairs:
         self._partners = dict[tuple[int, int], Ints]()
 
     def partners(self, marker: int, frame: int) -> Ints:
-        """Return the partners that form a rigid pair with a marker, whatever their distances do about a frame."""
+        """Return the rigid partners of a marker, judged without the frames around the given one."""
         if (marker, frame) not in self._partners:
             partners = self.rigid.partners(marker)[0]
             distances = self._distances(marker, partners)
@@ -58,7 +58,7 @@ class RigidPairs:
         return partners[np.abs(nan_median(after) - nan_median(before)) > _CHANGED]
 
     def allow(self, step: Step, stepped: list[int], stepping: list[int]) -> bool:
-        """Whether the rigid pairs of a step's marker allow the step.
+        """Whether distances in the marker's rigid pairs change as a step requires; True if it has no rigid pair.
 
         They do if there are none, or if the distances to at least one partner change that has not stepped at the same
         time (``stepped``). A single one that may step itself (``stepping``) must have no other pair that changes.

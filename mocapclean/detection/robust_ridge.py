@@ -42,11 +42,11 @@ class Rows:
 
     @property
     def number(self) -> Ints:
-        """Return how many rows (b,) have a weight."""
+        """Return the number of training frames (b,) of each marker, without padding."""
         return np.asarray(self.weights.sum(axis=1).astype(np.intp))
 
     def take(self, values: Floats) -> Floats:
-        """Return the rows (b, T, n) of values (b, F, n)."""
+        """Return the values (b, T, n) in the training frames, selected from values (b, F, n) in all frames."""
         return np.take_along_axis(values, self.frames[..., None], axis=1)
 
     def robust_weights(self, residual: Floats) -> Floats:

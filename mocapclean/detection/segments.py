@@ -1,4 +1,4 @@
-"""Segments of one marker's path, and the best chain of them.
+"""Cut one marker's trajectory into segments at breaks, and find the chain of segments that fit together best.
 
 Chains are found by dynamic programming over the segments in the order of time; ``paths`` and the rule ``tdd`` share it.
 """
@@ -50,7 +50,8 @@ class SegmentEnds:
         return cls(first, last, velocity_in, velocity_out)
 
     def misses(self, segment: int, earlier: Ints, frames: Ints) -> Floats:
-        """Return by how far (3, j, 3) earlier segments (j,) miss the first place of a segment, ``frames`` (j,) later.
+        """Return the errors (3, j, 3) of three extrapolations from earlier segments (j,) to a segment ``frames`` (j,)
+        later.
 
         Three predictions: the last place kept; extrapolated at the velocity there; extrapolated backwards from the
         first place, at the velocity there.
@@ -64,7 +65,7 @@ class SegmentEnds:
 def best_chain(
     segments: Ints, n_frames: int, link_costs: Callable[[int, Ints], Floats], end_cost: float = 0.0
 ) -> tuple[Bools, float]:
-    """Return the frames (n_frames,) of the best chain of segments (S, 2), and its cost in frames.
+    """Return the frames (n_frames,) of the chain of segments (S, 2) with the largest length less costs, and its costs.
 
     Objective: the chain c₁ < c₂ < ... < cₙ with the largest Σ length(cₖ) - Σ link(cₖ₋₁, cₖ) - begin(c₁) - stop(cₙ).
     begin is 0 for the first segment of all and ``end_cost`` for the others; stop is 0 for the last and ``end_cost`` for

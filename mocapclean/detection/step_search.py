@@ -100,7 +100,7 @@ def _supported(fit: _StepFit, slides: Ints, rows: Rows) -> Bools:
 
 
 class _Search:
-    """Steps added to the ridge regressions of targets (b, T, 3) on inputs (b, T, n)."""
+    """Ridge regressions of targets (b, T, 3) on inputs (b, T, n) with one step, fitted at many candidate frames."""
 
     def __init__(self, inputs: Floats, targets: Floats, rows: Rows) -> None:
         self.n, self.rows = inputs.shape[2], rows

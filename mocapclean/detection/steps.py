@@ -1,4 +1,4 @@
-"""Steps: changes of the place of a marker in its body segment that last from some frame on.
+"""Steps (change points, not gait steps): lasting shifts of a marker within its body segment from one frame on.
 
 The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
@@ -36,7 +36,9 @@ class Step:
 
 
 def least_score(step: Step, least: float = LEAST_SCORE) -> float:
-    """Return the least score of a credible step: ``least``, or a share of it where other evidence shows the step."""
+    """Return the score that a credible step must reach: ``least``, or a share of it where other evidence supports the
+    step.
+    """
     if step.changed_pairs or step.sudden:
         return least * _SHARE_WITH_BREAK
     return least * (_SHARE_WITH_DISTANCES if step.distances_agree else 1.0)

@@ -1,1 +1,3 @@
-"""One take, from reading to its outcome."""
+"""Process one take: read, select markers, detect, choose a method, fill, write and summarise; or check it against
+limits.
+"""

@@ -1,4 +1,4 @@
-"""Check one take against limits: prepare it, measure it, and list the limits that it breaks; nothing is written."""
+"""Check one take (gaps, distrusted samples, bones, rate) against the limits in the settings; nothing is written."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -68,7 +68,7 @@ def _check(source: Path, settings: Settings) -> Verdict:
         *_required_breaches(take, limits),
     ]
     if limits.expected_error is not None:
-        error, why = _expected_error(take, settings)
+        error, why = _self_check_error(take, settings)
         if error is not None:
             measures["expected_error"] = round(error, 3)
         breaches += _error_breaches(error, why, limits.expected_error)
@@ -191,8 +191,8 @@ def _required_breaches(take: Take, limits: TakeLimits) -> Iterator[Breach]:
             )
 
 
-def _expected_error(take: Take, settings: Settings) -> tuple[float | None, str]:
-    """Return the 3D error, mm, of the method on hidden samples of the take, or None and the reason."""
+def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str]:
+    """Return the 3D RMS error, mm, of the method on hidden samples, or None and the reason."""
     if take.trusted.all():
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method

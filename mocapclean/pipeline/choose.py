@@ -15,7 +15,7 @@ from mocapclean.take import Solution, Take
 
 
 def solver(method: str, settings: Settings, dictionary: Dictionary | None) -> Callable[[Take, Bools], Solution]:
-    """Return a method with its parameters of the settings, as a function of a take and the wanted samples (F, M)."""
+    """Return a function that fills the wanted samples (F, M) of a take by a method with its parameters."""
     params = getattr(settings.methods, method)
     return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary)
 
@@ -86,7 +86,7 @@ def _check(method: str, take: Take, wanted: Bools, settings: Settings, dictionar
 
 
 def _rank(total: HiddenGaps) -> tuple[int, float]:
-    """Return the number of hidden samples left and then the error; the least rank is the best."""
+    """Return the number of hidden samples that stayed unfilled, then the 3D error; the smallest pair is best."""
     if total.error is None:
         return total.samples, 0.0
     return total.samples - total.error.samples, total.error.rmse_3d

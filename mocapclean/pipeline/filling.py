@@ -1,4 +1,4 @@
-"""Fill a take in memory: one method's answer, put in where the take is not trusted and nowhere else."""
+"""Fill the untrusted samples of a take in memory; trusted ones change only where the method is asked to denoise."""
 
 from dataclasses import replace
 from typing import Any
@@ -16,7 +16,7 @@ from mocapclean.take import Solution, Take
 
 
 def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
-    """Return the take with its untrusted samples filled by one method; trusted samples stay bit for bit.
+    """Return the take with its untrusted samples filled by one method; trusted ones stay unless the method denoises.
 
     parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
     need one. Raises UsageError for an unknown method or parameter, SolverError when the method has no

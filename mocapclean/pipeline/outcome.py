@@ -1,4 +1,4 @@
-"""What happened to a take, as reports show it: outcomes of repairs and verdicts of checks."""
+"""Records for reports: the outcome of a repair or inspection, and the verdict of a check."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Read a take, select its markers and detect what cannot be trusted: the part that fill, inspect and check share."""
+"""Read a take, leave out excluded markers and detect untrusted samples: the first part of fill, inspect and check."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,8 +40,8 @@ class Prepared:
         """The largest coordinate that the file can hold, mm."""
         return self.whole.origin.largest if self.whole.origin else np.inf
 
-    def restored(self, selected: Take) -> Take:
-        """Return the whole take with what happened to the selected markers."""
+    def with_selected(self, selected: Take) -> Take:
+        """Return the whole take with the selected markers replaced by their processed version."""
         arrays = {name: getattr(self.whole, name).copy() for name in ("positions", "trusted", "filled", "moved")}
         for name, array in arrays.items():
             array[:, self.columns] = getattr(selected, name)
@@ -88,7 +88,7 @@ def _read(source: Path, settings: Settings) -> Take:
 
 
 def read_reference(selected: Take, settings: Settings) -> Take | None:
-    """Return the true take with the markers of the selected one, or None where the settings name none.
+    """Return the reference take (the truth), reordered to the selected markers, or None if the settings name none.
 
     Markers that the reference does not have are untrusted in it. Raises UsageError unless it has as many frames and
     shares a marker.

@@ -22,7 +22,7 @@ from mocapclean.pipeline.choose import settle_method, solver
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
-from mocapclean.pipeline.summary import judge, summarise
+from mocapclean.pipeline.summary import summarise, with_accuracy
 from mocapclean.take import Solution, Take
 from mocapclean.take.status import Codes, Status, decide, detected, supplied, supply, undecided, withdraw
 
@@ -75,10 +75,10 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     else:
         solution = solver(settings.method, settings, library)(selected, wanted)
     sd = _error_bars(selected, solution, wanted, settings)
-    _accept(prepared, codes, solution, sd, settings)
+    _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
     written = formats.write(
-        prepared.restored(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
+        prepared.with_selected(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )
     with _removed_on_failure(output):
         after = written.select(prepared.columns)
@@ -87,7 +87,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
             sidecar.save(arrays, selected, after, codes, sd, settings.method)
         outcome = summarise(selected, after, codes, settings, sd)
         if truth is not None:
-            outcome = judge(outcome, after, truth)
+            outcome = with_accuracy(outcome, after, truth)
         return replace(
             outcome,
             source=source,
@@ -117,7 +117,9 @@ def _removed_on_failure(output: Path) -> Iterator[None]:
 
 
 def _request(selected: Take, codes: Codes, settings: Settings) -> Bools:
-    """Return the samples (F, M) that the user wants filled, and set the codes of untrusted samples that are left."""
+    """Return the samples (F, M) that the options allow to be filled, and set the status of untrusted ones that stay
+    unfilled.
+    """
     asked_for = np.full(selected.trusted.shape, not settings.markers)
     for pattern in settings.markers:
         asked_for[:, matching(pattern, selected.markers, "--markers")] = True
@@ -143,8 +145,10 @@ def _error_bars(selected: Take, solution: Solution, wanted: Bools, settings: Set
     return np.where(wanted & solution.filled & ~selected.trusted, solution.sd, np.nan)
 
 
-def _accept(prepared: Prepared, codes: Codes, solution: Solution, sd: Floats | None, settings: Settings) -> None:
-    """Set the codes of all samples that are still undecided: supplied by the method, or the reason against it."""
+def _set_final_status(
+    prepared: Prepared, codes: Codes, solution: Solution, sd: Floats | None, settings: Settings
+) -> None:
+    """Set the final status of every untrusted sample that has none yet: filled, or the reason why not."""
     selected = prepared.selected
     nothing_seen = np.broadcast_to(~selected.trusted.any(axis=1, keepdims=True), codes.shape)
     decide(codes, ~solution.filled & nothing_seen, Status.NOTHING_SEEN)
@@ -177,7 +181,7 @@ def _too_uncertain(selected: Take, codes: Codes, sd: Floats | None, settings: Se
 
 
 def _record_written(codes: Codes, after: Take, reason: Status) -> None:
-    """Set the codes of samples that the writer moved, and of those that it could not write."""
+    """Update the status of samples that the file writer changed or could not store."""
     withdraw(codes, ~after.filled, reason)
     codes[after.moved] = Status.MOVED
 

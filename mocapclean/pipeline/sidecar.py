@@ -1,4 +1,4 @@
-"""A repaired take as NumPy arrays beside its file: positions, the status of every sample, and its error bar."""
+"""Write a repaired take as a NumPy .npz file: positions, status of every sample, standard deviations."""
 
 from pathlib import Path
 

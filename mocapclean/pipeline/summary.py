@@ -112,8 +112,10 @@ def bone_reports(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...]
     return source, reports, (was, now)
 
 
-def judge(outcome: Outcome, after: Take, truth: Take) -> Outcome:
-    """Return the outcome with the errors of the filled samples: in all, by marker, by length of gap, and by gap."""
+def with_accuracy(outcome: Outcome, after: Take, truth: Take) -> Outcome:
+    """Return the outcome with errors of the filled samples against the reference: in all, by marker, gap length and
+    gap.
+    """
     where = after.filled & truth.trusted
     columns = {name: column for column, name in enumerate(after.markers)}
 

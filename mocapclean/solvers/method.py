@@ -1,7 +1,7 @@
 """The declaration of a gap-filling method in its module, and the type of such a module."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 from mocapclean.geometry.skeleton import Bone
@@ -35,6 +35,9 @@ class Traits:
 
     self_checked: bool = False
     """Whether ``self_check: auto`` measures its error on hidden samples."""
+
+    idle_facts: Mapping[str, float | int | str] = field(default_factory=dict)
+    """The facts of its Solution where nothing can be filled."""
 
 
 class KnownBones(NamedTuple):

@@ -55,6 +55,7 @@ def _nothing_to_fill(take: Take, gaps: Bools, traits: Traits) -> Solution:
         filled=gaps,
         sd=np.zeros(gaps.shape) if traits.error_bars else None,
         reason="nothing to fill",
+        facts=traits.idle_facts,
     )
 
 

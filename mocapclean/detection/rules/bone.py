@@ -1,4 +1,5 @@
-"""Distrust a marker whose distances to most of its rigid partners are out of their range.
+"""Distrust a sample whose distances to most rigid partners, and position relative to its prediction, are far from
+normal.
 
 A partner is rigid if the robust SD of its distance is at most 4 mm. A distance is out of range if it is 20 mm from its
 median and beyond its noise: an exponential tail through the median and the 95th percentile, exceeded once in a million.

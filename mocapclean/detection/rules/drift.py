@@ -1,4 +1,5 @@
-"""Distrust a marker that slid, or was put back, to another place in its body segment, from there on.
+"""Distrust a marker from the frame at which it shifted, at once or within half a second, to another place on its
+segment.
 
 The evidence is a step in the regression of the marker on its partners, made at once or by a slide of up to half a
 second. It is fitted by generalised least squares: noise in one direction hides no step in another.
@@ -56,7 +57,7 @@ class Params(Switch):
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """Return the samples (F, M) at the wrong side of each step, and their findings."""
+    """Return the samples (F, M) after each step, or before it if few samples come before, and their findings."""
     take = evidence.take
     drifted, findings = np.zeros_like(take.trusted), []
     for step in evidence.analysis.steps:

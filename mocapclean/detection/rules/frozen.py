@@ -29,7 +29,7 @@ class Params(Switch):
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
-    """Return the samples (F, M) that repeat the sample before, and their findings."""
+    """Return the samples (F, M) of holds that are long enough, and their findings."""
     take = evidence.take
     frozen, findings = np.zeros_like(take.trusted), []
     for hold in evidence.analysis.holds:

@@ -1,4 +1,4 @@
-"""Distrust jumps: four frames or more in which a marker leaves its path and returns, such as a reflection.
+"""Distrust runs of four or more frames in which a marker lies off its path, as when a reflection carries its label.
 
 As ``spike``, for longer excursions. An excursion is distrusted even if it lasts up to a second longer than the rest of
 the path. If a marker leaves its path for good, the shorter side is distrusted if it lasts less than 1.25 seconds; a

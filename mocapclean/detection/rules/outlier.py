@@ -1,4 +1,4 @@
-"""Distrust the sparse part of a low-rank and smooth model of the whole take (``tsmc`` or ``trnn``).
+"""Distrust samples with a large sparse error in a low-rank and smooth model of the take (``tsmc`` or ``trnn``).
 
 The model explains a sample by the rest of the take, less a sparse error; a large error is distrusted. The rule costs as
 much as a fill by that method, and is off by default. It runs after the other rules, on the samples that they trust.

@@ -1,4 +1,4 @@
-"""Distrust a marker that lies far from its predicted position, beyond all that is normal for it.
+"""Distrust a sample far from its predicted position, relative to the marker's own noise and its partners' residuals.
 
 The predicted position is a regression on the marker's partners. The residual must exceed three limits: 30 mm; the
 marker's own noise (an exponential tail through the median and the 95th percentile, exceeded once in a million); twice

@@ -38,7 +38,9 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
 
 
 def undo(evidence: Evidence, params: Params) -> Take:
-    """Return the take with swapped labels exchanged back; these samples stay trusted and count as moved."""
+    """Return the take with swapped labels corrected; these samples stay trusted and are marked as moved at the user's
+    request.
+    """
     take, swaps = evidence.take, tuple(_swaps(evidence, params))
     moved, findings = take.moved.copy(), list[Finding]()
     for swap in swaps:

@@ -1,4 +1,4 @@
-"""Distrust motion that is faster than a body can be: trust data detection, as reconstructed here ("TDD-R").
+"""Distrust samples that no plausible speed connects with the rest of their trajectory: trust data detection ("TDD-R").
 
 Purpose and name: Feng et al. 2014, "Exploiting temporal stability and low-rank structure for motion capture data
 refinement", Information Sciences 277, doi:10.1016/j.ins.2014.03.013; Wang et al. 2016 set its threshold to 6 cm. The
@@ -74,7 +74,9 @@ def _body_motion(positions: Floats) -> Floats:
 
 
 def _cuts(positions: Floats, valid: Bools, threshold: float) -> Bools:
-    """Return where (F, M) a trajectory is cut before frame t, forwards and backwards in time alike."""
+    """Return the frames (F, M) before which a trajectory is cut: displacement and second difference exceed the
+    threshold.
+    """
     if len(positions) < 2:
         return np.zeros_like(valid)
     backward = _forward_cuts(positions[::-1], valid[::-1], threshold)[::-1]

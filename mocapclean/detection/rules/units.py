@@ -1,4 +1,4 @@
-"""Report a take whose size or speed no body has in the stated unit, and distrust samples far away from all others.
+"""Report a take whose size or speed no human body has, as with a wrong unit; distrust samples over 100 km away.
 
 Size: the median distance of a marker to the one a quarter of all markers away. It is 100 to 500 mm for a body, whatever
 else is in sight; takes of fewer than ten markers have no size. Speed: the 99th percentile over all samples. Findings

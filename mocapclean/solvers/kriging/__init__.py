@@ -1,4 +1,4 @@
-"""Regression kriging in body-segment frames: several predictors, stacked by their errors in the take itself.
+"""Regression kriging in axes that move with body segments: several models, averaged by their errors in the take itself.
 
 For a gap of marker k, y is the position of k in a frame of reference that travels with its body segment. The frame is
 aligned with those of k's most rigid neighbours that are known in the whole gap; a_t are their positions in the frame:
@@ -43,7 +43,7 @@ REFERENCE = (
 )
 
 
-TRAITS = Traits(error_bars=True, gap_by_gap=True, auto_place=1, self_checked=True)
+TRAITS = Traits(error_bars=True, gap_by_gap=True, auto_place=1, self_checked=True, idle_facts={"passes": 0})
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -70,7 +70,7 @@ class Params:
 
 
 def solve(take: Take, params: Params, fillable: Bools, wanted: Bools) -> Solution:
-    """Return a Solution with every gap filled that has known neighbours, gaps at the ends of the take included.
+    """Return a Solution that fills short gaps, and those wanted long gaps that have neighbours and enough samples.
 
     wanted: (F, M) bool, the samples whose gaps need a fill; other gaps are filled only where these learn from them.
     ``sd`` is given for every filled sample.

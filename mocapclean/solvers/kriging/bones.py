@@ -1,4 +1,4 @@
-"""The bones of a take, whose lengths the filled samples are moved to keep."""
+"""Pairs of markers at known distances, and the correction of filled samples towards these distances."""
 
 from dataclasses import dataclass
 
@@ -37,7 +37,7 @@ class Bones:
         return cls(ends, np.array([bone.length for bone in bones]), np.array([bone.spread for bone in bones]))
 
     def restored(self, positions: Floats, sd: Floats, trusted: Bools) -> Floats:
-        """Return positions (F, M, 3) with the filled samples moved so that the bones keep their lengths.
+        """Return positions (F, M, 3) with filled samples moved towards the bone lengths by weighted least squares.
 
         sd: (F, M) mm, NaN where nothing is filled. Samples with a large SD move most.
         """

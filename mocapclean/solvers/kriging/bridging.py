@@ -1,4 +1,4 @@
-"""Matérn bridges over the windows and the gap of a sampling plan, by several kernels at once.
+"""Kriging weights over time that carry regression residuals across a gap and its windows, for several Matérn kernels.
 
 A bridge is the conditional mean of a Matérn process in a gap or window, given the samples adjacent to it.
 """
@@ -22,7 +22,7 @@ N_CACHED = 64  # patterns of times whose weights are kept; chosen by hand for sp
 
 
 class BridgeWeights:
-    """Weights and variances of Matérn bridges at one frame rate, Hz; the patterns of times met last are cached."""
+    """Simple kriging weights and variances at one frame rate, Hz; the most recently used time patterns are cached."""
 
     def __init__(self, rate: float) -> None:
         lengths, noises = np.transpose(KERNELS)

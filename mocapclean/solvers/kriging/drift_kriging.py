@@ -1,4 +1,4 @@
-"""Universal kriging over time with a linear drift: the conditional mean of a process about an unknown straight line.
+"""Universal kriging over time: best linear unbiased prediction in a short gap, around an unknown linear trend.
 
     [ K + noise I   D ] [weights]   [k]
     [ Dᵀ            0 ] [  ...  ] = [d]      D, d: 1 and the time, at the samples and at the gap

@@ -1,4 +1,5 @@
-"""Choice of frames: those that a gap segment is learnt from, tested on and bridged from.
+"""Choose the frames for one gap: training frames, test windows, and the samples beside it that its residual is carried
+from.
 
 A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
 """
@@ -39,7 +40,9 @@ def spread_out(candidates: Ints, most: int, min_distance: int) -> Ints:
 
 
 def adjacent_steps(rate: float) -> Ints:
-    """Return which samples on each side of a gap are used, counted from its edge: dense near it, sparse far away."""
+    """Return the ranks, counted from the edge of a gap, of the samples beside it that are used: dense near it, sparse
+    far away.
+    """
     frames = np.round(np.array(ADJACENT_STEPS) * rate / REFERENCE_RATE)
     return np.unique(np.maximum(frames, 1.0).astype(np.intp))
 
@@ -57,7 +60,7 @@ def adjacent_frames(usable: Bools, start: int, stop: int, reach: int, rate: floa
 
 
 def window_offsets(length: int, rate: float, before: bool, after: bool) -> tuple[Ints, Ints]:
-    """Return the frames inside a window of ``length`` frames and those adjacent to it, counted from its first frame.
+    """Return up to 6 evenly spaced test frames inside a window and the adjacent samples, counted from its first frame.
 
     before, after: whether adjacent frames are used on that side.
     """
@@ -85,7 +88,8 @@ def training_frames(known: Bools, missing_share: Floats, most: int) -> tuple[Int
 def window_starts(
     known: Bools, missing_share: Floats, length: int, n_windows: int, edges: tuple[int, int]
 ) -> tuple[Ints, int]:
-    """Return the first frames of up to ``n_windows`` windows, and their length: ``length``, or less where few fit.
+    """Return the first frames of up to ``n_windows`` windows in known stretches, and their length, halved until enough
+    fit.
 
     known and missing_share (F,) are those of ``training_frames``. A window is a stretch in which the marker is known,
     together with ``edges`` frames before and after it.

@@ -1,4 +1,4 @@
-"""One segment of a gap: its neighbours, the frames that it is learnt from, and its fill."""
+"""Fill one part of a gap: choose its neighbours and frames, run all predictors, and combine their predictions."""
 
 import numpy as np
 
@@ -100,7 +100,9 @@ class GapSegment:
         return np.asarray(self.state.missing @ (weights / weights.sum()), dtype=np.float64)
 
     def _well_filled(self) -> Bools:
-        """Return which samples (F,) of the marker outside the segment were filled with a much smaller SD than it."""
+        """Return the filled samples (F,) of the marker elsewhere whose variance is at most a quarter of that of this
+        part.
+        """
         sd = self.state.sd[:, self.marker]
         own_variance = np.square(sd[self.start : self.stop]).mean()
         well_filled: Bools = ~self.known & (np.square(sd) <= MAX_REUSED_VARIANCE * own_variance)

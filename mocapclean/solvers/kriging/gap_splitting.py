@@ -1,4 +1,4 @@
-"""Splitting of a gap where its neighbours come and go, and joining of the parts."""
+"""Split a gap into as few parts as keep half of the neighbour weight throughout each, and smooth the joins."""
 
 from itertools import pairwise
 
@@ -13,7 +13,8 @@ JOIN_DECAY = 1.0 / 12.0  # s, time in which the correction of a step at a join f
 
 
 def split_gap(known: Bools, weights: Floats, start: int, stop: int) -> list[tuple[int, int]]:
-    """Return the segments (first frame, frame after the last) of a gap, as few as keep most neighbours in each.
+    """Return the parts (first frame, frame after the last) of a gap, grown while common neighbours keep half of the
+    weight.
 
     known: (F, M) whether samples are known. weights: (M,) of the neighbours of the gap's marker.
     """
@@ -37,7 +38,8 @@ def split_gap(known: Bools, weights: Floats, start: int, stop: int) -> list[tupl
 
 
 def join_segments(track: Floats, segments: list[tuple[int, int]], rate: float) -> None:
-    """Remove the steps between the adjacent segments of a track (F, 3), in place.
+    """Remove the discontinuities between adjacent parts of a trajectory (F, 3), in place, by corrections that decay
+    from them.
 
     Half of each step is added before the join and taken off after it, decaying over a twelfth of a second.
     """

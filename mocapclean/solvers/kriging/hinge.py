@@ -1,4 +1,5 @@
-"""Frames of reference for a joint between two markers at known distances, as a knee lies between hip and ankle.
+"""Axes for a marker at fixed distances from two others, as a knee from hip and ankle: it moves on a circle about their
+line.
 
 The two distances confine the joint to a circle around the line between the two markers, the ends. The centre and the
 radius of the circle follow from the triangle of the three (law of cosines). Only the angle on the circle remains to be
@@ -22,7 +23,8 @@ MIN_LENGTH = 1e-9  # mm, keeps a division by the distance between the ends finit
 
 
 def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> list[int]:
-    """Return the indices into ``neighbours`` (q,) of the two ends between which a marker bends, or an empty list.
+    """Return the indices of two neighbours at constant distance from the marker but not from each other, or an empty
+    list.
 
     The marker is rigid with both ends, and the ends are not rigid with each other. Of such pairs the one is chosen
     whose distance varies most, relative to the distances from the marker.
@@ -41,7 +43,8 @@ def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> l
 def hinge_frames(
     ends: Floats, lengths: tuple[float, float], segment: BodyFrames, joint: Floats, n_training: int
 ) -> tuple[BodyFrames, Floats] | None:
-    """Return the frames of reference (n) at the centre of the circle, and its radii (n,), mm; None if undefined.
+    """Return axes (n) at the centre of the marker's circle about the line of both ends, and radii (n,), mm; None if
+    undefined.
 
     ends: (n, 2, 3) the two markers. lengths: the joint's distances from them. joint: (n, 3), read in the first
     ``n_training`` frames only. The first axis runs from end to end. The second points to the joint's mean direction
@@ -67,7 +70,8 @@ def hinge_frames(
 
 
 def radius_scaled(features: Floats, radii: Floats, training: slice) -> Floats:
-    """Return centred features (N, p) in proportion to the radii (N,) of the circle, with the radii appended.
+    """Return features (N, p), centred and multiplied by radius over mean radius (N,), with the relative radius
+    appended.
 
     On a circle of radius r the joint's position is r times a function of its angle.
     """

@@ -1,4 +1,4 @@
-"""Kriging over time with the Matérn covariance of smoothness 5/2.
+"""The Matérn covariance of smoothness 5/2, and simple kriging weights over time computed with it.
 
     k(d) = (1 + s + s²/3) exp(−s),   s = √5 |d| / ℓ
 
@@ -22,7 +22,8 @@ def matern(distances: NDArray[Any], length: float | Floats) -> Floats:
 
 
 def bridge(known: Ints, wanted: Ints, lengths: Floats, noises: Floats) -> tuple[Floats, Floats]:
-    """Return the weights (K, n, k) of values at known times (k,) in the conditional mean at wanted times (n,).
+    """Return the simple kriging weights (K, n, k) of values at known times (k,) for wanted times (n,), and the
+    variances.
 
     The second array is the conditional variance (K, n), as a share of the variance of the process. There are K
     processes, with ``lengths`` (K,) and ``noises`` (K,): the variance of the errors of the known values, as the same

@@ -1,4 +1,4 @@
-"""Frames of reference that follow a marker as its neighbours predict it, in which short gaps are bridged."""
+"""Moving axes centred on the position that a marker's neighbours predict, for the interpolation of its short gaps."""
 
 import numpy as np
 

@@ -45,7 +45,8 @@ class NeighbourDistances:
         return np.where(np.isfinite(weights), weights, 0.0)
 
     def rigid_scales(self, marker: int, neighbours: Ints, looseness: float = 1.0) -> Floats:
-        """Return the factors (n,) of the neighbours' positions in a frame that turns with the segment.
+        """Return the scale factors (n,) of neighbour positions as regression features in turning axes: about 1 / SD of
+        the distance.
 
         A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
         """
@@ -53,7 +54,9 @@ class NeighbourDistances:
         return np.asarray(1.0 / np.sqrt(self.variance[marker, neighbours] + slack**2), dtype=np.float64)
 
     def shifting_scales(self, marker: int, neighbours: Ints) -> Floats:
-        """Return the factors (n,) of the neighbours' positions in a frame that only shifts: 1 / distance."""
+        """Return the scale factors (n,) of neighbour positions as features in axes that only shift: 1 / (mean distance
+        + constant).
+        """
         distance = self.mean[marker, neighbours] + NEAR_RATIO * self.rigidity
         return np.asarray(1.0 / distance, dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""Passes over the gaps of a take: a later pass learns from the samples that the earlier ones filled."""
+"""Fill gaps in passes: later passes also use filled samples as neighbours and beside the parts of a split gap."""
 
 from typing import NamedTuple
 
@@ -35,7 +35,7 @@ class PassOutcome(NamedTuple):
 
 
 def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
-    """Fill the gaps of a take, and return the number of passes.
+    """Fill the wanted gaps, and others only where the wanted ones need them; return the number of passes.
 
     fillable: (F, M) samples that may be filled. wanted: (F, M) samples whose gaps need a fill. Other gaps
     are filled only where the wanted ones learn from them.

@@ -1,4 +1,4 @@
-"""Prediction of one gap segment by every predictor: align frames, build features, krige, turn back to the world."""
+"""Predict one part of a gap with every predictor: move to segment axes, build features, krige, return to the world."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 
 @dataclass(frozen=True, kw_only=True)
 class PredictionInput:
-    """The data of one gap segment that all predictors share; N are the frames of the plan.
+    """The data of one part of a gap that all predictors share; N is the number of frames in its sampling plan.
 
     marker: column of the marker.
     neighbours: (q,) columns in descending order of their weight.
@@ -50,7 +50,7 @@ def predict_all(predictors: list[Predictor], inputs: PredictionInput) -> list[Kr
 
 
 def _frames_of_reference(predictors: list[Predictor], inputs: PredictionInput) -> list[BodyFrames]:
-    """Return the frames of reference of each predictor, before those of hinges are derived from them.
+    """Return each predictor's segment axes; predictors on a circle later derive their axes from these.
 
     They follow the framing neighbours; where there are none they only shift with the mean of all neighbours.
     """

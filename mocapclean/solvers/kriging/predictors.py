@@ -1,4 +1,4 @@
-"""The predictors of a marker: frames of reference aligned with some neighbours, and the features in them."""
+"""The regression models of a marker, called predictors: neighbours define the moving axes or serve as inputs."""
 
 from dataclasses import dataclass, replace
 

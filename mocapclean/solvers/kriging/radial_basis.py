@@ -12,7 +12,7 @@ HEIGHT = 0.5  # of the same distance, so that a ridge penalty shrinks Gaussians 
 
 
 def pose_nearness(features: Floats, n_training: int, n_poses: int) -> Floats:
-    """Return Gaussians (N, k) of the distances of features (N, p) to k poses, spread over the first ``n_training``.
+    """Return Gaussian radial basis functions (N, k) of features (N, p), centred on k of the first ``n_training`` rows.
 
     k is ``n_poses``, or n_training if that is less. All are 0 where the training poses do not differ.
     """

@@ -1,4 +1,4 @@
-"""Regression kriging of one gap: a ridge regression on features, and its residual bridged from both sides.
+"""Regression kriging of one gap: ridge regression on features, plus its residual carried over time from both sides.
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge estimate, g a Matérn process in time
 

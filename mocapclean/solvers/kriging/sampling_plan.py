@@ -1,4 +1,4 @@
-"""The frames that serve to learn, test and bridge one gap segment."""
+"""The frames used for one part of a gap: training frames, test windows, samples beside it, and its own."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Bridging of short gaps over time, from up to 12 samples of the marker on each side.
+"""Fill gaps of up to 1/24 s by kriging over 12 samples on each side, in the world and in axes that follow neighbours.
 
 A gap is predicted by universal kriging with several kernels, on two tracks of the marker: in the world, and in frames
 of reference that follow the marker as its neighbours predict it. The predictions are averaged. Their weights follow
@@ -52,7 +52,7 @@ def in_short_gaps(trusted: Bools, longest: int) -> Bools:
 def bridge_short_gaps(
     positions: Floats, trusted: Bools, known: Bools, rate: float, frames_for: FramesFor | None = None
 ) -> tuple[Floats, Floats]:
-    """Return positions (F, M, 3) with the gaps that are known but not trusted (F, M) filled, and their SD (F, M), mm.
+    """Return positions (F, M, 3) with the short gaps filled, and the SD (F, M) of the filled samples, mm.
 
     The SD is that of each coordinate, from the errors of the same prediction on known samples, spread over the gap as
     the kriging variance is. It is NaN where nothing is filled. rate: Hz.

@@ -1,4 +1,5 @@
-"""Stacking: the weighted mean of several predictions with the least error in windows, and its SD.
+"""Stacking: the weighted mean of predictions, with weights of at least 0 that minimise the error in windows, and its
+SD.
 
 L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
 """

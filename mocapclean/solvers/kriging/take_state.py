@@ -1,4 +1,4 @@
-"""The state of a take while its gaps are filled: positions, their SD, and which samples are known."""
+"""The working state of a take: positions, their SD, and which samples are known (trusted, or in a short gap)."""
 
 from functools import partial
 from typing import TYPE_CHECKING
