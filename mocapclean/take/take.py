@@ -111,7 +111,7 @@ class Take:
         shapes = self.positions.shape, self.filled.shape, self.moved.shape, self.detached.shape
         if shapes != ((*shape, 3), shape, shape, shape[1:]):
             raise ValueError(
-                f"positions must be (F, M, 3), filled and moved (F, M), detached (M,) for trusted {shape}. Got {shapes}."
+                f"positions must be (F, M, 3), filled and moved (F, M), detached (M,) for {shape}. Got {shapes}."
             )
         if len(self.markers) != shape[1] or len(set(self.markers)) != shape[1]:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
