@@ -4,7 +4,7 @@ F is the number of frames (always the first axis) and M the number of markers or
 program are indices from 0 and spans are half open; reports add ``Take.first_frame`` and close them.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ class Finding:
 
     rule: its name. message: the sentence for the user. level: "info", "warning" or "error". marker, frames: the marker
     and the half-open span of indices (start, stop) that it concerns; None for all. advice: what the user can do.
+    suspicion: whether the rule only reports its samples, which stay trusted; else they are distrusted.
     """
 
     rule: str
@@ -37,6 +38,7 @@ class Finding:
     marker: str | None = None
     frames: tuple[int, int] | None = None
     advice: str = ""
+    suspicion: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,7 +80,9 @@ class Take:
     filled: (F, M) bool, untrusted samples with a position from a solver.
     moved: (F, M) bool, trusted samples that were changed at the user's request: denoised, or exchanged labels.
     Writing changes the samples of ``filled`` and ``moved`` alone.
-    markers: M distinct names. rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
+    markers: M distinct names. detached: (M,) bool, the columns that move with no other one, such as angles or points
+    without a label; each is judged and filled by its own path alone.
+    rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
     skeleton: the joints and bones, if known. poses: (F, C) degrees and millimetres, the channels of the skeleton whose
     joints are the columns, or None; changed samples are in them once they are fitted. findings: of rules and formats.
     origin: the file, None for a take that cannot be written to one. The arrays are read-only.
@@ -90,6 +94,7 @@ class Take:
     rate: float
     filled: Bools = None  # type: ignore[assignment]
     moved: Bools = None  # type: ignore[assignment]
+    detached: Bools = None  # type: ignore[assignment]
     first_frame: int = 1
     skeleton: Skeleton | None = None
     poses: Floats | None = None
@@ -101,12 +106,16 @@ class Take:
         for name in ("filled", "moved"):
             if getattr(self, name) is None:
                 object.__setattr__(self, name, np.zeros(shape, dtype=bool))
-        shapes = self.positions.shape, self.filled.shape, self.moved.shape
-        if shapes != ((*shape, 3), shape, shape):
-            raise ValueError(f"positions must be (F, M, 3), filled and moved (F, M) for trusted {shape}. Got {shapes}.")
+        if self.detached is None:
+            object.__setattr__(self, "detached", np.zeros(shape[1], dtype=bool))
+        shapes = self.positions.shape, self.filled.shape, self.moved.shape, self.detached.shape
+        if shapes != ((*shape, 3), shape, shape, shape[1:]):
+            raise ValueError(
+                f"positions must be (F, M, 3), filled and moved (F, M), detached (M,) for {shape}. Got {shapes}."
+            )
         if len(self.markers) != shape[1] or len(set(self.markers)) != shape[1]:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
-        for name in ("positions", "trusted", "filled", "moved"):
+        for name in ("positions", "trusted", "filled", "moved", "detached"):
             object.__setattr__(self, name, _read_only(getattr(self, name)))
         if self.poses is not None:
             expected = (shape[0], len(self.skeleton.channels)) if self.skeleton else None
@@ -122,11 +131,20 @@ class Take:
         return self.filled | self.moved
 
     def distrusted_by(self, rule: str) -> Bools:
-        """Return the samples (F, M) that the findings of a rule name, by marker and span of frames."""
+        """Return the samples (F, M) that a rule distrusts, by the markers and frames of its findings."""
+        return self._named(lambda finding: finding.rule == rule and not finding.suspicion)
+
+    @property
+    def suspicious(self) -> Bools:
+        """The trusted samples (F, M) that a rule reports without distrusting them."""
+        return self.trusted & self._named(lambda finding: finding.suspicion)
+
+    def _named(self, counts: Callable[[Finding], bool]) -> Bools:
+        """Return the samples (F, M) that those findings name that count."""
         mask = np.zeros_like(self.trusted)
         columns = {name: column for column, name in enumerate(self.markers)}
         for finding in self.findings:
-            if finding.rule == rule and finding.marker in columns and finding.frames:
+            if finding.marker in columns and finding.frames and counts(finding):
                 mask[slice(*finding.frames), columns[finding.marker]] = True
         return mask
 
@@ -138,6 +156,7 @@ class Take:
             trusted=self.trusted[:, columns],
             filled=self.filled[:, columns],
             moved=self.moved[:, columns],
+            detached=self.detached[columns],
             markers=tuple(self.markers[c] for c in columns),
             poses=None,
             origin=None,
