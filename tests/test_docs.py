@@ -149,7 +149,7 @@ def test_git_ignores_what_the_set_up_writes(tmp_path):
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (set_up,) = re.findall(r"<!-- set-up -->\n```sh\n(.*?)```", readme, re.DOTALL)
     written = [path for line in set_up.splitlines() for part in line.split("&&") for path in written_by(part)]
-    assert {"walk_clean.c3d", "walk_clean.report.json"} <= set(written)
+    assert {"walk_clean.c3d", "walk_clean.c3d.report.json"} <= set(written)
     shutil.copy(ROOT / ".gitignore", tmp_path)
     git = ["git", "-C", str(tmp_path), "-c", f"core.excludesFile={os.devnull}"]
     subprocess.run([*git, "init", "-q"], check=True)
@@ -193,7 +193,7 @@ def test_links_lead_somewhere():
 
 
 CALL = {"files", "config", "assignments", "no_report", "as_json", "resume"}
-CALL |= {"files_from", "null", "relative_to", "shard"}
+CALL |= {"only_missing", "files_from", "null", "relative_to", "shard"}
 
 
 def test_every_option_is_a_configuration_key():

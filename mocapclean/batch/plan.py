@@ -69,7 +69,7 @@ def _job(take: Input, settings: Settings, earlier: Mapping[str, EarlierOutput], 
     name = str(output)
     if settings.out_dir:
         output, name = settings.out_dir / take.relative, take.relative.as_posix()
-    report = output.with_suffix(".report.json") if settings.report is True else None
+    report = output.with_name(f"{output.name}.report.json") if settings.report is True else None
     return RepairJob(
         name=name,
         source=source,
@@ -87,7 +87,7 @@ def _sidecar(take: Input, sidecar: Path, alone: bool) -> Path:
         raise UsageError(f"{sidecar}: --sidecar must be an .npz file, or a folder.")
     if sidecar.suffix == ".npz" and not alone:
         raise UsageError(f"{sidecar}: --sidecar takes a folder for several inputs.")
-    return sidecar if sidecar.suffix == ".npz" else sidecar / take.relative.with_suffix(".npz")
+    return sidecar if sidecar.suffix == ".npz" else sidecar / take.relative.with_name(f"{take.relative.name}.npz")
 
 
 def _check_targets_differ(jobs: Iterable[RepairJob], settings: Settings) -> None:

@@ -35,6 +35,13 @@ from mocapclean.report.text import totals
 @click.option("--method", help="How to fill: a name from 'mocapclean methods', or auto to choose for each take.")
 @click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")
 @click.option("--max-gap", type=int, metavar="FRAMES", help="Leave longer gaps unfilled.")
+@click.option(
+    "--replace",
+    type=click.Choice(["sure", "suspicious", "missing"]),
+    help="Measured samples to replace: of sure findings (default), of all findings, or none.",
+)
+@click.option("--only-missing", is_flag=True, help="Replace no measured sample; the same as --replace missing.")
+@click.option("--fill-poor/--no-fill-poor", default=None, help="Also fill gaps whose expected error is graded poor.")
 @click.option("--max-error", type=float, metavar="MM", help="Leave gaps with a larger expected 3D error unfilled.")
 @click.option("--self-check/--no-self-check", default=None, help="Measure the error on hidden samples of the take.")
 @click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels; coordinates stay as they are.")
@@ -64,15 +71,20 @@ def command(
     shard: tuple[int, int] | None,
     resume: bool,
     as_json: bool,
+    only_missing: bool,
     **options: Any,
 ) -> int:
     """Fill the samples of FILES (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
 
-    Writes take_filled.c3d and take_filled.report.json beside take.c3d, or into --out-dir. A folder among FILES stands
+    Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder among FILES stands
     for all takes in it and below it; --out-dir then has the same tree.
     """
     if no_report:
         options["report"] = False
+    if only_missing:
+        if options["replace"] not in (None, "missing"):
+            raise UsageError(f"--only-missing and --replace {options['replace']} contradict each other. Give one.")
+        options["replace"] = "missing"
     settings = resolve_settings(config, assignments, options)
     if (resume or shard) and not settings.out_dir:
         raise UsageError("--resume and --shard need --out-dir.")

@@ -29,8 +29,8 @@ DEFAULT_METHOD = "kriging"
 CHECKED = ("auto", *(name for name, module in SOLVERS.items() if module.TRAITS.self_checked))
 """The methods whose error on hidden samples is measured with ``self_check: auto``."""
 
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
-"""Millimetres per unit of length; the inch is 25.4 mm by definition."""
+MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
+"""Millimetres per unit of length; the inch is 25.4 mm by definition, and a foot is 12 inches."""
 
 _SECTION = ConfigDict(**STRICT, frozen=True)
 
@@ -127,15 +127,20 @@ class Settings(BaseModel):
     skeleton: Path | None = Field(default=None, description=".asf or .bvh file with joints and bones")
     dictionary: Path | None = Field(default=None, description="file of 'mocapclean train', for llc and srmmp")
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files without a rate")
-    unit: Literal["mm", "cm", "m", "in"] | PositiveFloat | None = Field(
+    unit: Literal["mm", "cm", "m", "in", "ft"] | PositiveFloat | None = Field(
         default=None,
-        description="unit of length of a BVH file: mm, cm (default), m, in, or millimetres per unit",
+        description="unit of length, in place of the file's own: mm, cm, m, in, ft, or millimetres per unit; BVH: cm if unset",
     )
     gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
     max_gap: PositiveInt | None = Field(default=None, description="gaps of more frames stay unfilled")
-    max_error: PositiveFloat | None = Field(
-        default=None, description="gaps with a larger expected 3D error, mm, stay unfilled"
+    replace: Literal["sure", "suspicious", "missing"] = Field(
+        default="sure",
+        description="measured samples to replace: those of sure findings, of all findings, or none (only missing ones)",
     )
+    max_error: PositiveFloat | None = Field(
+        default=None, description="gaps with a larger expected 3D error, mm, stay unfilled; in place of fill_poor"
+    )
+    fill_poor: bool = Field(default=False, description="also fill gaps whose expected error is graded poor")
     grades: Grades = Field(default_factory=Grades)
     self_check: Literal["auto"] | bool = Field(
         default="auto", description="measure the error on hidden trusted samples; auto: for the methods in CHECKED"
@@ -197,9 +202,17 @@ class Settings(BaseModel):
         """Whether the method's error is measured on hidden samples."""
         return self.method in CHECKED if self.self_check == "auto" else self.self_check
 
+    @property
+    def largest_error(self) -> float | None:
+        """Return the expected 3D error, mm, above which a gap stays unfilled; None without a limit."""
+        if self.max_error is not None or self.fill_poor:
+            return self.max_error
+        return self.grades.fair
+
     def too_uncertain(self, expected: float | None) -> bool:
-        """Whether a gap with this expected 3D error, mm, must stay unfilled."""
-        return self.max_error is not None and expected is not None and expected > self.max_error
+        """Whether a gap with this expected 3D error, mm, stays unfilled."""
+        limit = self.largest_error
+        return limit is not None and expected is not None and expected > limit
 
     def left_limit(self, n_samples: int) -> float | None:
         """Return the largest number of samples that may stay unfilled; None without a limit."""

@@ -55,7 +55,7 @@ def _check(source: Path, settings: Settings) -> Verdict:
     measures: dict[str, float] = {
         "longest_gap": max(_longest_run(column)[0] for column in missing.T),
         "missing": _percent(missing),
-        "distrusted": _percent(~take.trusted & ~missing),
+        "distrusted": _percent((~take.trusted & ~missing) | take.suspicious),
         "swaps": sum(finding.rule == "swap" for finding in take.findings) // 2,
         "bone_deviation": round((bone.before.deviation or 0.0) if bone else 0.0, 3),
         "rate": take.rate,
@@ -118,6 +118,9 @@ def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: Ta
     if limits.longest is not None and duration > limits.longest:
         message = f"the take lasts {duration:g} s, {limits.longest:g} allowed"
         yield Breach(limit="longest", found=duration, allowed=limits.longest, message=message, advice="split it")
+    if not take.trusted.any():
+        message = "no sample of the take is trusted: all are missing or distrusted"
+        yield Breach(limit="trusted", message=message, advice="read the findings; export the take again")
     if limits.units:
         for finding in take.findings:
             if finding.rule == "units" and finding.level == "error":
@@ -134,7 +137,7 @@ def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLim
     for column in columns:
         for name, what, mask in (
             ("missing", "missing", missing),
-            ("distrusted", "distrusted", ~take.trusted & ~missing),
+            ("distrusted", "distrusted", (~take.trusted & ~missing) | take.suspicious),
         ):
             limit, found = getattr(limits, name), _percent(mask[:, column])
             if limit is not None and found > limit:

@@ -30,8 +30,9 @@ def settle_method(
     if settings.method == "auto":
         choice, checked = choose(take, wanted, settings, dictionary)
         settings = settings.model_copy(update={"method": choice.method})
-    # Candidates were compared on all their answers; max_error leaves some out, so the chosen one is checked again.
-    if checks_itself and (checked is None or settings.max_error is not None):
+    # Candidates were compared on all their answers. Where uncertain ones are left out, the chosen one is checked again.
+    leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
+    if checks_itself and (checked is None or leaves_some):
         try:
             solve = solver(settings.method, settings, dictionary)
             checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)

@@ -15,7 +15,8 @@ from mocapclean.take.status import Status
 class GapReport:
     """A run of untrusted samples of one marker, and what became of it.
 
-    start, stop: half-open indices. rules: the rules that distrust its samples. n_filled: how many samples were filled.
+    start, stop: half-open indices. rules: the rules that distrust its samples. n_filled: how many samples were filled,
+    and n_replaced how many of these are in the file. largest_move: mm, between the file and the output, for these.
     status: the status of its samples, or the most frequent one of those that were left. expected: the 3D error, mm,
     that the method expects of the samples it answered; None where it gives no sd. grade: the grade of a filled gap,
     one of ``GRADES``, or "". error: the error against the reference, if one was given.
@@ -27,6 +28,8 @@ class GapReport:
     rules: tuple[str, ...]
     status: Status
     n_filled: int = 0
+    n_replaced: int = 0
+    largest_move: float | None = None
     expected: float | None = None
     grade: str = ""
     error: Error | None = None
@@ -99,7 +102,8 @@ class Counts:
 
     samples: all. untrusted: missing or distrusted. filled: supplied by the method, the replaced ones included.
     replaced: measured in the file and supplied nevertheless, because a rule or the user distrusts them. left: untrusted
-    and not filled. moved: trusted and moved as asked. invalidated: marked missing in the output.
+    and not filled. moved: trusted and moved as asked. suspicious: reported by a rule and left as they are.
+    invalidated: marked missing in the output.
     """
 
     samples: int
@@ -109,6 +113,7 @@ class Counts:
     replaced: int
     left: int
     moved: int
+    suspicious: int
     invalidated: int
 
 
@@ -117,6 +122,7 @@ class Outcome:
     """What happened to one take: everything that a report shows, so that a report computes nothing.
 
     status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
+    largest_move: mm, the largest distance between a replaced sample in the file and in the output.
     Lengths are millimetres, spans are half-open indices.
     """
 
@@ -139,6 +145,7 @@ class Outcome:
     parameters: Mapping[str, Any] = field(default_factory=dict)
     counts: Counts | None = None
     statuses: Mapping[Status, int] = field(default_factory=dict)
+    largest_move: float | None = None
     gaps: tuple[GapReport, ...] = ()
     findings: tuple[Finding, ...] = ()
     solution: Mapping[str, Any] = field(default_factory=dict)

@@ -65,7 +65,7 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     if settings.gaps:
         selected = distrust(selected, read_spans(settings.gaps))
     rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
-    selected = detect(selected, rules, fix_swaps=settings.fix_swaps)
+    selected = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
     return Prepared(whole=whole, selected=selected, columns=columns)
 
 
@@ -90,23 +90,33 @@ def _read(source: Path, settings: Settings) -> Take:
 def read_reference(selected: Take, settings: Settings) -> Take | None:
     """Return the reference take (the truth), reordered to the selected markers, or None if the settings name none.
 
-    Markers that the reference does not have are untrusted in it. Raises UsageError unless it has as many frames and
-    shares a marker.
+    Frames are matched by their numbers in the files. Markers and frames that the reference does not have are untrusted
+    in it. Raises UsageError unless it shares a marker and a frame.
     """
     path = settings.reference
     if path is None:
         return None
     skeleton = settings.skeleton if formats.needs_skeleton(path) else None
     truth = formats.read(path, skeleton=skeleton, rate=settings.rate, unit=settings.unit_mm)
-    if len(truth.trusted) != len(selected.trusted):
-        raise UsageError(
-            f"{path}: the reference must have the take's {len(selected.trusted)} frames. Got {len(truth.trusted)}."
-        )
     columns = {name: column for column, name in enumerate(truth.markers)}
     order = np.array([columns.get(name, -1) for name in selected.markers])
     if (order < 0).all():
         raise UsageError(f"{path}: the reference must share marker names with the take.")
-    return replace(selected, positions=truth.positions[:, order], trusted=truth.trusted[:, order] & (order >= 0))
+    frames = np.arange(len(selected.trusted)) + selected.first_frame - truth.first_frame
+    inside = (frames >= 0) & (frames < len(truth.trusted))
+    if not inside.any():
+        raise UsageError(
+            f"{path}: the reference must share frames with the take, {_span(selected)}. It has {_span(truth)}."
+        )
+    place = np.ix_(np.clip(frames, 0, len(truth.trusted) - 1), order)
+    known = truth.trusted[place] & inside[:, None] & (order >= 0)
+    return replace(selected, positions=truth.positions[place], trusted=known, filled=None, moved=None)
+
+
+def _span(take: Take) -> str:
+    """Return the first and last frame number of a take."""
+    first, last = take.numbers(0, len(take.trusted))
+    return f"{first} to {last}"
 
 
 def matching(pattern: str, markers: Sequence[str], option: str) -> list[int]:

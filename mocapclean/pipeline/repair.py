@@ -154,7 +154,8 @@ def _set_final_status(
     decide(codes, ~solution.filled & nothing_seen, Status.NOTHING_SEEN)
     decide(codes, ~solution.filled & _gaps_at_ends(selected), Status.AT_END)
     decide(codes, ~solution.filled, Status.NO_ANSWER)
-    decide(codes, _too_uncertain(selected, codes, sd, settings), Status.TOO_UNCERTAIN)
+    uncertain = Status.TOO_UNCERTAIN if settings.max_error is not None else Status.POOR
+    decide(codes, _too_uncertain(selected, sd, settings), uncertain)
     # A coordinate that is not finite stays in, for the writer to refuse: it would be a fault of the method.
     size = np.abs(solution.positions)
     out_of_range: Bools = np.any(np.isfinite(size) & (size > prepared.largest), axis=2)
@@ -170,10 +171,10 @@ def _gaps_at_ends(selected: Take) -> Bools:
     return at_ends
 
 
-def _too_uncertain(selected: Take, codes: Codes, sd: Floats | None, settings: Settings) -> Bools:
+def _too_uncertain(selected: Take, sd: Floats | None, settings: Settings) -> Bools:
     """Return the samples (F, M) of gaps whose expected 3D error is above the limit."""
     uncertain = np.zeros_like(selected.trusted)
-    if sd is not None and settings.max_error is not None:
+    if sd is not None:
         for marker, start, stop in column_runs(~selected.trusted):
             expected = metrics.expected_error(sd[start:stop, marker])
             uncertain[start:stop, marker] = settings.too_uncertain(expected)

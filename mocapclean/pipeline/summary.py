@@ -23,6 +23,7 @@ def summarise(before: Take, after: Take, codes: Codes, settings: Settings, sd: F
     every sample. sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
     """
     counts = _counts(before, codes, settings)
+    moves = _moves(before, after, codes)
     limit = settings.left_limit(counts.samples)
     too_many = limit is not None and counts.left > limit
     bones_from, bones, skeleton_rmse = bone_reports(before, after)
@@ -37,7 +38,8 @@ def summarise(before: Take, after: Take, codes: Codes, settings: Settings, sd: F
         rate=before.rate,
         counts=counts,
         statuses=_statuses(codes),
-        gaps=_gaps(before, codes, settings, sd),
+        largest_move=_largest(moves),
+        gaps=_gaps(before, codes, moves, settings, sd),
         findings=after.findings,
         bones_from=bones_from,
         bones=bones,
@@ -57,6 +59,7 @@ def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
         replaced=int((codes == Status.REPLACED).sum()),
         left=int(left.sum()),
         moved=int((codes == Status.MOVED).sum()),
+        suspicious=int((codes == Status.SUSPICIOUS).sum()),
         invalidated=int((left & ~missing).sum()) if settings.invalidate else 0,
     )
 
@@ -67,7 +70,19 @@ def _statuses(codes: Codes) -> Mapping[Status, int]:
     return {Status(value): int(number) for value, number in zip(values.tolist(), numbers.tolist(), strict=True)}
 
 
-def _gaps(before: Take, codes: Codes, settings: Settings, sd: Floats | None) -> tuple[GapReport, ...]:
+def _moves(before: Take, after: Take, codes: Codes) -> Floats:
+    """Return the distances (F, M), mm, of replaced samples between the file and the output, NaN for all others."""
+    distances = np.linalg.norm(after.positions - before.positions, axis=2)
+    return np.where(codes == Status.REPLACED, distances, np.nan)
+
+
+def _largest(moves: Floats) -> float | None:
+    """Return the largest distance that is not NaN, or None without any."""
+    known = moves[~np.isnan(moves)]
+    return float(known.max()) if known.size else None
+
+
+def _gaps(before: Take, codes: Codes, moves: Floats, settings: Settings, sd: Floats | None) -> tuple[GapReport, ...]:
     """Return a report of every run of untrusted samples."""
     rules = {name: before.distrusted_by(name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
@@ -83,6 +98,8 @@ def _gaps(before: Take, codes: Codes, settings: Settings, sd: Floats | None) -> 
                 rules=tuple(name for name, mask in rules.items() if mask[span].any()),
                 status=_status_of(codes[span]),
                 n_filled=n_filled,
+                n_replaced=int((codes[span] == Status.REPLACED).sum()),
+                largest_move=_largest(moves[span]),
                 expected=expected,
                 grade=settings.grades.of(expected) if expected is not None and n_filled else "",
             )

@@ -19,7 +19,7 @@ from mocapclean.take import Finding
 SCHEMA = 3  # version of the schema, raised with every change of the report
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
-_COUNTS = ("samples", "untrusted", "filled", "left")
+_COUNTS = ("samples", "untrusted", "filled", "replaced", "left", "suspicious")
 _TOTALS = ("takes", *_STATUSES, *_COUNTS, "gaps", *GRADES)
 
 
@@ -118,6 +118,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
         "parameters": _plain(outcome.parameters),
         "solution": _plain(outcome.solution),
         "counts": _plain(outcome.counts),
+        "largest_move": _plain(outcome.largest_move),
         "statuses": {status.code: number for status, number in outcome.statuses.items()},
         "gaps": [_gap(gap, first) for gap in outcome.gaps],
         "findings": [_finding(finding, first) for finding in outcome.findings],
@@ -147,6 +148,8 @@ def _gap(gap: GapReport, first: int) -> dict[str, Any]:
         "rules": list(gap.rules),
         "filled": gap.n_filled == length,
         "samples_filled": gap.n_filled,
+        "samples_replaced": gap.n_replaced,
+        "largest_move": _plain(gap.largest_move),
         "status": gap.status.code,
         "left_because": gap.status.sentence,
         "expected_3d": _plain(gap.expected),
@@ -165,6 +168,7 @@ def _finding(finding: Finding, first: int) -> dict[str, Any]:
         "last": None if stop is None else stop - 1 + first,
         "message": finding.message,
         "advice": finding.advice,
+        "suspicion": finding.suspicion,
     }
 
 

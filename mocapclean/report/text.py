@@ -19,9 +19,10 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
     lines = [
         f"{outcome.source} -> {outcome.output}",
         _line("take", _shape(outcome)),
-        _line("distrusted", _distrusted(outcome)),
+        *_untrusted(outcome),
         *_chosen(outcome),
         _line("filled", _filled(outcome)),
+        *_replaced(outcome),
         *_left(outcome),
         *_expected(outcome),
         *_self_check(outcome),
@@ -44,7 +45,7 @@ def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
     lines = [
         f"{outcome.source}",
         _line("take", _shape(outcome)),
-        _line("distrusted", _distrusted(outcome)),
+        *_untrusted(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
     ]
@@ -121,19 +122,36 @@ def _shape(outcome: Outcome) -> str:
     )
 
 
-def _distrusted(outcome: Outcome) -> str:
+def _untrusted(outcome: Outcome) -> Iterable[str]:
+    """Yield the missing, the distrusted and the suspicious samples, each in a line of its own."""
     counts = outcome.counts
     assert counts is not None
-    if not counts.untrusted:
-        return "nothing"
-    by_rule = Counter(rule for gap in outcome.gaps for rule in gap.rules)
-    rules = ", ".join(f"{rule} {count}" for rule, count in by_rule.items())
-    share = 100 * counts.untrusted / counts.samples
-    longest = max(gap.stop - gap.start for gap in outcome.gaps)
-    return (
-        f"{_count(counts.untrusted, 'sample')} ({share:.2f} %) in {_count(len(outcome.gaps), 'gap')} ({rules}), "
-        f"longest {_count(longest, 'frame')}"
-    )
+    if not counts.missing:
+        yield _line("missing", "nothing")
+    for label, number, gaps in (
+        ("missing", counts.missing, [gap for gap in outcome.gaps if "missing" in gap.rules]),
+        (
+            "distrusted",
+            counts.untrusted - counts.missing,
+            [gap for gap in outcome.gaps if set(gap.rules) - {"missing"}],
+        ),
+    ):
+        if number:
+            longest = _count(max(gap.stop - gap.start for gap in gaps), "frame")
+            share = f"{100 * number / counts.samples:.2f} %"
+            rules = _rules(Counter(rule for gap in gaps for rule in gap.rules if rule != "missing"))
+            where = f"{_count(number, 'sample')} ({share}) in {_count(len(gaps), 'gap')}"
+            yield _line(label, f"{where}{rules}, longest {longest}")
+    if counts.suspicious:
+        suspicions = [finding for finding in outcome.findings if finding.suspicion]
+        rules = _rules(Counter(finding.rule for finding in suspicions))
+        found = f"{_count(counts.suspicious, 'measured sample')} in {_count(len(suspicions), 'finding')}{rules}"
+        yield _line("suspicious", f"{found}, left as measured; --replace suspicious fills them")
+
+
+def _rules(numbers: Counter[str]) -> str:
+    """Return the numbers of findings by rule, in brackets, or "" without any."""
+    return f" ({', '.join(f'{rule} {number}' for rule, number in numbers.items())})" if numbers else ""
 
 
 def _chosen(outcome: Outcome) -> Iterable[str]:
@@ -159,13 +177,21 @@ def _filled(outcome: Outcome) -> str:
     counts = outcome.counts
     assert counts is not None
     if not counts.untrusted:
-        return "nothing to fill; the output is identical to the input"
+        return "nothing to fill" if counts.moved else "nothing to fill; the output is identical to the input"
     facts = outcome.solution
     how = f"by {outcome.method}"
     if facts.get("iterations"):
         state = "converged" if facts.get("converged") else "not converged"
         how += f" ({_count(facts['iterations'], 'iteration')}, {state}: {facts.get('reason')})"
     return f"{_count(counts.filled, 'sample')} {how}"
+
+
+def _replaced(outcome: Outcome) -> Iterable[str]:
+    """Yield how many measured samples were replaced, of how many markers, and by how far at most."""
+    if outcome.counts and outcome.counts.replaced:
+        markers = {gap.marker for gap in outcome.gaps if gap.n_replaced}
+        samples = _count(outcome.counts.replaced, "measured sample")
+        yield _line("replaced", f"{samples} of {_count(len(markers), 'marker')}, by up to {_mm(outcome.largest_move)}")
 
 
 def _left(outcome: Outcome) -> Iterable[str]:

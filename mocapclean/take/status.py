@@ -35,6 +35,8 @@ class Status(IntEnum):
     OUT_OF_RANGE = 13
     NO_POSE = 14
     STORED_AS_MISSING = 15
+    POOR = 16
+    SUSPICIOUS = 17
 
     @property
     def code(self) -> str:
@@ -64,6 +66,8 @@ MEANINGS = {
     Status.OUT_OF_RANGE: "left: the file's numbers do not reach the answer",
     Status.NO_POSE: "left: no pose of the skeleton reaches the answer and keeps the trusted joints",
     Status.STORED_AS_MISSING: "left: the file would store the answer as 0, 0, 0, its mark for a missing sample",
+    Status.POOR: "left: in a gap whose expected error is graded poor; --fill-poor fills it",
+    Status.SUSPICIOUS: "as it is in the file, although a rule reports it; --replace suspicious fills it",
 }
 
 _SENTENCES = {
@@ -77,15 +81,17 @@ _SENTENCES = {
     Status.OUT_OF_RANGE: "the file's numbers do not reach so far",
     Status.NO_POSE: "no pose reaches it",
     Status.STORED_AS_MISSING: "the file would store it as a missing sample",
+    Status.POOR: "the expected error is graded poor",
 }
 
 _SUPPLIED = {Status.MISSING: Status.FILLED, Status.DISTRUSTED: Status.REPLACED}
 
 
 def detected(take: Take) -> Codes:
-    """Return the codes (F, M) after detection: measured, moved, missing or distrusted."""
+    """Return the codes (F, M) after detection: measured, suspicious, moved, missing or distrusted."""
     untrusted = np.where(take.distrusted_by("missing"), Status.MISSING, Status.DISTRUSTED)
-    trusted = np.where(take.moved, Status.MOVED, Status.MEASURED)
+    in_file = np.where(take.suspicious, Status.SUSPICIOUS, Status.MEASURED)
+    trusted = np.where(take.moved, Status.MOVED, in_file)
     return np.where(take.trusted, trusted, untrusted).astype(np.uint8)
 
 

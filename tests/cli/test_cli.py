@@ -26,9 +26,9 @@ def test_fill_writes_the_repaired_file_and_its_report_and_nothing_else(folder, n
     assert re.search(r"filled +[1-9][0-9,]* samples by linear", out)
     after = files_in(folder)
     stem, suffix = name.rsplit(".", 1)
-    assert set(after) - set(before) == {f"{stem}_filled.{suffix}", f"{stem}_filled.report.json"}
+    assert set(after) - set(before) == {f"{stem}_filled.{suffix}", f"{stem}_filled.{suffix}.report.json"}
     assert all(after[kept] == content for kept, content in before.items())
-    report = json.loads(after[f"{stem}_filled.report.json"])
+    report = json.loads(after[f"{stem}_filled.{suffix}.report.json"])
     jsonschema.validate(report, SCHEMA)
     (take,) = report["takes"]
     assert take["status"] == "repaired"
@@ -41,7 +41,7 @@ def test_a_reference_gives_the_error_of_what_was_written(folder):
     code, out, _ = run("fill", folder / "walk.c3d", "--method", "spline", "--reference", folder / "walk_truth.c3d")
     assert code == 0
     assert "mm per coordinate" in out
-    (take,) = json.loads((folder / "walk_filled.report.json").read_text())["takes"]
+    (take,) = json.loads((folder / "walk_filled.c3d.report.json").read_text())["takes"]
     truth, broken, filled = (mocapclean.read(folder / f"{name}.c3d") for name in ("walk_truth", "walk", "walk_filled"))
     where = ~broken.trusted & filled.trusted & truth.trusted
     expected = np.sqrt(np.mean((truth.positions[where] - filled.positions[where]) ** 2))
@@ -96,7 +96,7 @@ def taken(path):
 def test_expected_errors_and_grades(folder):
     code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--set", "grades.good=10.05", "-v")
     assert code == 0
-    take, totals = taken(folder / "walk_filled.report.json")
+    take, totals = taken(folder / "walk_filled.c3d.report.json")
     filled = mocapclean.detect(mocapclean.read(folder / "walk.c3d"))
     solution = run_method("dynammo", filled, SOLVERS["dynammo"].Params(states=6, state_schedule=(), max_iterations=8))
     for gap in take["gaps"]:
@@ -113,7 +113,7 @@ def test_expected_errors_and_grades(folder):
 def test_gaps_of_a_large_expected_error_are_left(folder):
     code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--max-error", "10.1")
     assert code == 0
-    take, totals = taken(folder / "walk_filled.report.json")
+    take, totals = taken(folder / "walk_filled.c3d.report.json")
     left = [gap for gap in take["gaps"] if gap["expected_3d"] > 10.1]
     assert 0 < len(left) < len(take["gaps"])
     assert {gap["left_because"] for gap in left} == {"the expected error is above the limit"}
@@ -129,7 +129,7 @@ def test_a_method_without_error_bars_gives_no_grades(folder):
     code, out, _ = run("fill", folder / "walk.c3d", "--method", "linear", "-v")
     assert code == 0
     assert "grade" not in out
-    take, totals = taken(folder / "walk_filled.report.json")
+    take, totals = taken(folder / "walk_filled.c3d.report.json")
     assert {(gap["expected_3d"], gap["grade"]) for gap in take["gaps"]} == {(None, None)}
     assert totals["gaps"] == len(take["gaps"])
     assert totals["good"] == totals["fair"] == totals["poor"] == 0
@@ -141,7 +141,7 @@ def test_a_method_without_error_bars_gives_no_grades(folder):
 def test_interpolations_check_themselves(folder):
     code, out, _ = run("fill", folder / "walk.c3d", "--method", "spline")
     assert code == 0
-    found = taken(folder / "walk_filled.report.json")[0]["self_check"]
+    found = taken(folder / "walk_filled.c3d.report.json")[0]["self_check"]
     assert "self-check" in out
     assert (found["because"], found["rounds"]) == ("", 1)
     assert found["total"]["gaps"] == sum(check["gaps"] for check in found["by_length"].values()) > 30
@@ -154,7 +154,7 @@ def test_interpolations_check_themselves(folder):
 
 def test_the_self_check_is_near_the_true_error(folder):
     run("fill", folder / "walk.c3d", "--method", "linear", "--reference", folder / "walk_truth.c3d")
-    take, _ = taken(folder / "walk_filled.report.json")
+    take, _ = taken(folder / "walk_filled.c3d.report.json")
     assert 0.5 < take["self_check"]["total"]["error"]["rmse"] / take["accuracy"]["filled"]["rmse"] < 2.0
 
 
@@ -163,15 +163,15 @@ def test_the_self_check_can_be_switched(folder):
     code, out, _ = run(*arguments, "--method", "linear", "--no-self-check")
     assert code == 0
     assert "self-check" not in out
-    assert taken(folder / "walk_filled.report.json")[0]["self_check"] is None
+    assert taken(folder / "walk_filled.c3d.report.json")[0]["self_check"] is None
     without = (folder / "walk_filled.c3d").read_bytes()
     run(*arguments, "--method", "linear")
     assert (folder / "walk_filled.c3d").read_bytes() == without
     run(*arguments, *WITH_BARS)
-    assert taken(folder / "walk_filled.report.json")[0]["self_check"] is None
+    assert taken(folder / "walk_filled.c3d.report.json")[0]["self_check"] is None
     code, out, _ = run(*arguments, *WITH_BARS, "--self-check", "--set", "hiding.rounds=2")
     assert code == 0
-    found = taken(folder / "walk_filled.report.json")[0]["self_check"]
+    found = taken(folder / "walk_filled.c3d.report.json")[0]["self_check"]
     assert found["rounds"] == 2
     assert 0.5 < found["total"]["covered"] < 1.0
     assert "within 90 %" in out
@@ -183,7 +183,7 @@ def test_a_self_check_that_is_not_possible_says_why(folder):
     code, out, _ = run("fill", folder / "walk_truth.c3d", *options)
     assert code == 0
     assert "self-check  not possible: none of the 1 gaps fits where its marker is trusted" in out
-    assert "because" in taken(folder / "walk_truth_filled.report.json")[0]["self_check"]
+    assert "because" in taken(folder / "walk_truth_filled.c3d.report.json")[0]["self_check"]
 
 
 # ---- method auto
@@ -200,7 +200,7 @@ def test_auto_chooses_by_the_self_check(folder):
     arguments = ("fill", folder / "walk.c3d", "--overwrite")
     code, out, _ = run(*arguments, *auto("linear", "llc", "spline", "dynammo"))
     assert code == 0
-    take, _ = taken(folder / "walk_filled.report.json")
+    take, _ = taken(folder / "walk_filled.c3d.report.json")
     choice = take["choice"]
     chosen = choice["method"]
     written = (folder / "walk_filled.c3d").read_bytes()
@@ -216,7 +216,7 @@ def test_auto_chooses_by_the_self_check(folder):
     assert take["self_check"]["total"] == tried[chosen]["total"]
     own = WITH_BARS if chosen == "dynammo" else ("--method", chosen)
     run(*arguments, *own, "--self-check")
-    again, _ = taken(folder / "walk_filled.report.json")
+    again, _ = taken(folder / "walk_filled.c3d.report.json")
     assert again["self_check"] == take["self_check"]
     assert again["choice"] is None
     assert (folder / "walk_filled.c3d").read_bytes() == written
@@ -226,7 +226,7 @@ def test_auto_prefers_the_better_of_two_that_fill_alike(folder):
     (folder / "bad.csv").write_text("marker,first,last\nRTOE,100,130\nLTOE,200,240\n")
     inside = ("--gaps", folder / "bad.csv", "--no-detect", "--overwrite")
     run("fill", folder / "walk_truth.c3d", *inside, *auto("linear", "spline"))
-    take, _ = taken(folder / "walk_truth_filled.report.json")
+    take, _ = taken(folder / "walk_truth_filled.c3d.report.json")
     errors = {c["method"]: c["total"]["error"]["rmse_3d"] for c in take["choice"]["candidates"]}
     assert errors["spline"] < errors["linear"]
     assert take["method"] == "spline"
@@ -237,7 +237,7 @@ def test_auto_without_anything_to_hide_takes_the_first_that_can_be_used(folder):
     options = ("--gaps", folder / "bad.csv", "--no-detect", *auto("llc", "spline", "linear"))
     code, out, _ = run("fill", folder / "walk_truth.c3d", *options)
     assert code == 0
-    take, _ = taken(folder / "walk_truth_filled.report.json")
+    take, _ = taken(folder / "walk_truth_filled.c3d.report.json")
     assert take["method"] == "spline"
     assert "spline, chosen by auto: the first, as none of the 1 gaps fits" in out
 
@@ -245,7 +245,7 @@ def test_auto_without_anything_to_hide_takes_the_first_that_can_be_used(folder):
 def test_auto_with_a_limit_of_the_error_asks_for_error_bars(folder):
     code, out, _ = run("fill", folder / "walk.c3d", *auto("linear", "dynammo"), "--max-error", "10.1")
     assert code == 0
-    take, _ = taken(folder / "walk_filled.report.json")
+    take, _ = taken(folder / "walk_filled.c3d.report.json")
     assert take["method"] == "dynammo"
     assert "linear is left out: it gives no error bars" in out
     tried, kept = take["choice"]["candidates"][1]["total"], take["self_check"]["total"]
@@ -268,7 +268,7 @@ def test_a_sidecar_holds_what_the_file_holds(folder):
     code, out, _ = run("fill", folder / "walk.c3d", *WITH_BARS, "--max-error", "10.1", "--sidecar", folder / "walk.npz")
     assert code == 0
     assert f"arrays in {folder / 'walk.npz'}" in out
-    take, _ = taken(folder / "walk_filled.report.json")
+    take, _ = taken(folder / "walk_filled.c3d.report.json")
     assert take["sidecar"] == str(folder / "walk.npz")
     got = mocapclean.read(folder / "walk_filled.c3d")
     with np.load(folder / "walk.npz", allow_pickle=False) as arrays:
@@ -291,7 +291,7 @@ def test_sidecars_of_several_takes_go_into_a_folder(folder):
     assert "--sidecar takes a folder for several inputs" in err
     code, _, err = run(*arguments, "--sidecar", folder / "arrays")
     assert (code, err) == (0, "")
-    assert {path.name for path in (folder / "arrays").iterdir()} == {"walk.npz", "walk_01.npz"}
+    assert {path.name for path in (folder / "arrays").iterdir()} == {"walk.c3d.npz", "walk_01.amc.npz"}
     (folder / "clean" / "walk.c3d").unlink()
     code, _, err = run(*arguments, "--sidecar", folder / "arrays")
     assert code == 2
