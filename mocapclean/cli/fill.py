@@ -76,8 +76,8 @@ def command(
 ) -> int:
     """Fill the samples of FILES (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
 
-    Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder among FILES stands
-    for all takes in it and below it; --out-dir then has the same tree.
+    Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder among FILES
+    stands for all takes in it and below it; --out-dir then has the same tree.
     """
     if no_report:
         options["report"] = False

@@ -129,7 +129,7 @@ class Settings(BaseModel):
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files without a rate")
     unit: Literal["mm", "cm", "m", "in", "ft"] | PositiveFloat | None = Field(
         default=None,
-        description="unit of length, in place of the file's own: mm, cm, m, in, ft, or millimetres per unit; BVH: cm if unset",
+        description="unit of length, in place of the file's own: mm, cm, m, in, ft, or millimetres per unit",
     )
     gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
     max_gap: PositiveInt | None = Field(default=None, description="gaps of more frames stay unfilled")

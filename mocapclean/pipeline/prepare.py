@@ -110,7 +110,7 @@ def read_reference(selected: Take, settings: Settings) -> Take | None:
         )
     place = np.ix_(np.clip(frames, 0, len(truth.trusted) - 1), order)
     known = truth.trusted[place] & inside[:, None] & (order >= 0)
-    return replace(selected, positions=truth.positions[place], trusted=known, filled=None, moved=None)
+    return replace(selected, positions=truth.positions[place], trusted=known)
 
 
 def _span(take: Take) -> str:

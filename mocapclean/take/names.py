@@ -42,6 +42,11 @@ def matching_columns(pattern: str, markers: Sequence[str]) -> list[int]:
 def similar_names(name: str, markers: Sequence[str], *, cutoff: float = 0.6) -> list[str]:
     """Return up to 3 markers whose names are most like a name, best first; none below the ``cutoff``.
 
-    cutoff: the least ratio of ``difflib.SequenceMatcher``, from 0 to 1.
+    Names that differ in case only, with or without their subject, come first. cutoff: the least ratio of
+    ``difflib.SequenceMatcher`` without regard to case, from 0 to 1.
     """
-    return get_close_matches(name, markers, n=MOST_SUGGESTIONS, cutoff=cutoff)
+    folded = name.casefold()
+    same = [marker for marker in markers if folded in (marker.casefold(), bare_name(marker).casefold())]
+    by_folded = {marker.casefold(): marker for marker in markers}
+    near = [by_folded[close] for close in get_close_matches(folded, by_folded, n=MOST_SUGGESTIONS, cutoff=cutoff)]
+    return list(dict.fromkeys([*same, *near]))[:MOST_SUGGESTIONS]
