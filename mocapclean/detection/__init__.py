@@ -12,7 +12,7 @@ trusted. Where several rules find the same span, the finding of the first in ``R
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import replace as dc_replace
 from types import ModuleType
 from typing import Any
 
@@ -51,7 +51,9 @@ RULES: dict[str, ModuleType] = {
 }
 
 
-def detect(take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: bool = False) -> Take:
+def detect(
+    take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: bool = False, replace: str = "sure"
+) -> Take:
     """Return a take in which the samples that a rule distrusts are untrusted, with the findings of the rules.
 
     rules: name -> ``Params`` of the rules to run, unless they are not ``enabled``; None runs all of ``RULES`` with
@@ -63,13 +65,13 @@ def detect(take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: boo
         take = swap.undo(Evidence(take), params.pop("swap"))
     trusted, findings = take.trusted, list[Finding]()
     for last in (False, True):
-        evidence = Evidence(replace(take, trusted=trusted))
+        evidence = Evidence(dc_replace(take, trusted=trusted))
         for name in params:
             if getattr(RULES[name], "AFTER_OTHERS", False) == last:
                 distrusted, of_rule = RULES[name].examine(evidence, params[name])
                 trusted = trusted & ~distrusted
                 findings += of_rule
-    return replace(take, trusted=trusted, findings=(*take.findings, *_united(findings)))
+    return dc_replace(take, trusted=trusted, findings=(*take.findings, *_united(findings)))
 
 
 def _enabled(rules: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -91,7 +93,7 @@ def _united(findings: Sequence[Finding]) -> list[Finding]:
             frames = _common_span(finding, earlier) if finding.rule != earlier.rule else None
             if frames:
                 message = f"{earlier.message}; also found by {finding.rule}"
-                united[index] = replace(earlier, frames=frames, message=message)
+                united[index] = dc_replace(earlier, frames=frames, message=message)
                 break
         else:
             of_marker[finding.marker].append(len(united))
