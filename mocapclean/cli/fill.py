@@ -41,7 +41,9 @@ from mocapclean.report.text import totals
     help="Measured samples to replace: of sure findings (default), of all findings, or none.",
 )
 @click.option("--only-missing", is_flag=True, help="Replace no measured sample; the same as --replace missing.")
-@click.option("--fill-poor/--no-fill-poor", default=None, help="Also fill gaps whose expected error is graded poor.")
+@click.option(
+    "--fill-poor/--no-fill-poor", default=None, help="Also fill gaps that are graded poor or would bend a rigid pair."
+)
 @click.option("--max-error", type=float, metavar="MM", help="Leave gaps with a larger expected 3D error unfilled.")
 @click.option("--self-check/--no-self-check", default=None, help="Measure the error on hidden samples of the take.")
 @click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels; coordinates stay as they are.")

@@ -140,7 +140,9 @@ class Settings(BaseModel):
     max_error: PositiveFloat | None = Field(
         default=None, description="gaps with a larger expected 3D error, mm, stay unfilled; in place of fill_poor"
     )
-    fill_poor: bool = Field(default=False, description="also fill gaps whose expected error is graded poor")
+    fill_poor: bool = Field(
+        default=False, description="also fill gaps that are graded poor, or that would bend a rigid pair of markers"
+    )
     grades: Grades = Field(default_factory=Grades)
     self_check: Literal["auto"] | bool = Field(
         default="auto", description="measure the error on hidden trusted samples; auto: for the methods in CHECKED"

@@ -18,6 +18,7 @@ from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.evaluation import metrics
 from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
+from mocapclean.pipeline.bending import bending
 from mocapclean.pipeline.choose import settle_method, solver
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.outcome import Outcome
@@ -160,7 +161,22 @@ def _set_final_status(
     size = np.abs(solution.positions)
     out_of_range: Bools = np.any(np.isfinite(size) & (size > prepared.largest), axis=2)
     decide(codes, out_of_range, Status.OUT_OF_RANGE)
+    if sd is not None and not settings.fill_poor:
+        decide(codes, _bending(selected, solution, codes), Status.BENDING)
     supply(codes, undecided(codes))
+
+
+def _bending(selected: Take, solution: Solution, codes: Codes) -> Bools:
+    """Return the samples (F, M) of gaps whose answers would make a rigid pair of markers worse.
+
+    The joints of a skeleton have no such gaps, because its bones keep their lengths when it is written.
+    """
+    worse = np.zeros_like(selected.trusted)
+    if selected.skeleton is None:
+        bent = bending(selected, merge(selected, solution, undecided(codes)))
+        for marker, start, stop in column_runs(~selected.trusted):
+            worse[start:stop, marker] = bent[start:stop, marker].any()
+    return worse
 
 
 def _gaps_at_ends(selected: Take) -> Bools:

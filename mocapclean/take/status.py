@@ -37,6 +37,7 @@ class Status(IntEnum):
     STORED_AS_MISSING = 15
     POOR = 16
     SUSPICIOUS = 17
+    BENDING = 18
 
     @property
     def code(self) -> str:
@@ -68,6 +69,7 @@ MEANINGS = {
     Status.STORED_AS_MISSING: "left: the file would store the answer as 0, 0, 0, its mark for a missing sample",
     Status.POOR: "left: in a gap whose expected error is graded poor; --fill-poor fills it",
     Status.SUSPICIOUS: "as it is in the file, although a rule reports it; --replace suspicious fills it",
+    Status.BENDING: "left: the answer would change the distance to a rigid partner too much; --fill-poor fills it",
 }
 
 _SENTENCES = {
@@ -82,6 +84,7 @@ _SENTENCES = {
     Status.NO_POSE: "no pose reaches it",
     Status.STORED_AS_MISSING: "the file would store it as a missing sample",
     Status.POOR: "the expected error is graded poor",
+    Status.BENDING: "the distance to a rigid partner would change too much",
 }
 
 _SUPPLIED = {Status.MISSING: Status.FILLED, Status.DISTRUSTED: Status.REPLACED}
