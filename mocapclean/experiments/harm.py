@@ -1,10 +1,10 @@
 """Harm: right samples that the defaults replace, and gaps that they fill worse than a straight line or holding still.
 
 This experiment is from no paper. Detection runs with its defaults on takes as they are and on variations of them
-(``simulate.vary``), in which all samples but those of one known fault are right. A sample is replaced if it was trusted,
-is distrusted by ``detect``, and is then filled with an expected error that is not graded poor. Within 2 frames of a
-fault of its marker a sample counts as neither right nor wrong. A real capture has faults of its own; "anew" leaves out
-what is distrusted in the take as it is.
+(``simulate.vary``), in which all samples but those of one known fault are right. A sample is replaced if it was
+trusted, is distrusted by ``detect``, and is then filled with an expected error that is not graded poor. Within 2 frames
+of a fault of its marker a sample counts as neither right nor wrong. A real capture has faults of its own; "anew" leaves
+out what is distrusted in the take as it is.
 
 Gaps are hidden as natural losses are: single markers, neighbours together, all markers of a prop, at the ends. Harm is
 the RMS 3D error of a gap less that of the better of linear interpolation, held at the ends, and holding still.
@@ -144,7 +144,7 @@ def run_detection(kind: str, capture: Capture, entry: Entry, seed: int) -> Trial
     replaced, positions = _filled(judged, distrusted, entry)
     # A sample is right unless it is near the fault of its marker; it counts if it is far from all faults in time.
     right = take.trusted & ~_widened(varied.faulty, _MARGIN)
-    near = _widened(varied.faulty.any(axis=1, keepdims=True), round(_FAR_SECONDS * take.rate))
+    near = _widened(_some_marker(varied.faulty), round(_FAR_SECONDS * take.rate))
     counted = right & ~near
     before = (varied.source >= 0) & _natural(capture).ravel()[varied.source]
     moved = np.linalg.norm(positions - take.positions, axis=2)
@@ -158,6 +158,11 @@ def run_detection(kind: str, capture: Capture, entry: Entry, seed: int) -> Trial
         "moved": float(moved[replaced & counted].max(initial=0.0)),
         "noises": float((moved / noise(take))[replaced & counted].max(initial=0.0)),
     }, {}
+
+
+def _some_marker(mask: Bools) -> Bools:
+    """Return the frames (F, 1) of a mask (F, M) in which it is True for some marker."""
+    return np.asarray(mask.any(axis=1, keepdims=True))
 
 
 def _filled(judged: Take, distrusted: Bools, entry: Entry) -> tuple[Bools, Floats]:
@@ -204,7 +209,7 @@ def noise(take: Take) -> Floats:
     known = np.where(take.trusted[..., None], take.positions, np.nan)
     bend = np.abs(known[2:] - 2.0 * known[1:-1] + known[:-2])
     sd = _SD_PER_MAD * nan_median(bend.transpose(0, 2, 1).reshape(-1, bend.shape[1])) / np.sqrt(_SECOND_DIFFERENCE)
-    return np.fmax(sd, _LEAST_NOISE)
+    return np.asarray(np.fmax(sd, _LEAST_NOISE))
 
 
 # Hidden gaps
@@ -343,13 +348,14 @@ GAPS: dict[str, tuple[str, Choice]] = {
 
 
 def tables(results: Results) -> list[Table]:
-    """Return the tables of replaced samples and of harmed gaps, for both halves, and the lists of the worst."""
-    both = [
+    """Return the tables of replaced samples and of harmed gaps, for each half and both, and the lists of the worst."""
+    parts = [
         (half, Results(tuple(row for row in results.rows if row.take in takes)))
         for half, takes in halves(results.takes).items()
         if takes
     ]
-    return [_detection(both), _gaps(both), _worst_takes(results), _worst_gaps(results)]
+    parts.append(("both", results))
+    return [_detection(parts), _gaps(parts), _worst_takes(results), _worst_gaps(results)]
 
 
 def _total(rows: Sequence[Row], measure: str) -> float:
@@ -372,18 +378,18 @@ def _per_take(rows: Sequence[Row], measure: str) -> float:
     return float(np.median(rates))
 
 
-def _detection(both: Sequence[tuple[str, Results]]) -> Table:
+def _detection(parts: Sequence[tuple[str, Results]]) -> Table:
     """Return the table of replaced samples by variation."""
     rows = []
-    for half, results in both:
+    for half, results in parts:
         measured = [row for row in results.rows if row.values.get("samples")]
         kinds = [(kind, [row for row in measured if row.cell["variation"] == kind]) for kind in VARIATIONS]
-        for kind, own in [*kinds, ("all", measured)]:
+        for kind, own in [*(kinds if half != "both" else []), ("all", measured)]:
             if own:
                 rows.append((half, kind, *_detection_cells(own)))
     return Table(
-        title="Right samples, per 100,000: replaced, and anew (not distrusted in the take as it is), near a fault (count), "
-        "distrusted but left, suspicious; largest move of a replaced one, mm and in SD of its marker's noise",
+        title="Right samples per 100,000: replaced, anew (not distrusted in the take as it is), distrusted but left, "
+        "suspicious; near: replaced anew within a second of a fault, count; the largest move, mm and in SD of noise",
         header=(
             *("half", "variation", "takes", "samples", "replaced, median", "pooled", "anew", "near", "left"),
             *("suspicious", "moved", "in noise"),
@@ -410,23 +416,23 @@ def _detection_cells(rows: Sequence[Row]) -> tuple[str, ...]:
     )
 
 
-def _gaps(both: Sequence[tuple[str, Results]]) -> Table:
+def _gaps(parts: Sequence[tuple[str, Results]]) -> Table:
     """Return the table of harmed gaps by their kind and length."""
     rows = []
-    for half, results in both:
+    for half, results in parts:
         measured = [row for row in results.rows if row.values.get("gaps")]
         kinds = [
             (kind, str(n), [row for row in measured if (row.cell["gaps"], row.cell["frames"]) == (kind, str(n))])
             for kind in GAPS
             for n in LENGTHS
         ]
-        for kind, frames, own in [*kinds, ("all", "all", measured)]:
+        for kind, frames, own in [*(kinds if half != "both" else []), ("all", "all", measured)]:
             if own:
                 counts = [_total(own, name) for name in ("gaps", "left", "harmed", "harmed_if_left")]
                 rows.append((half, kind, frames, *(f"{n:.0f}" for n in counts), number(_most(own, "worst"))))
     return Table(
-        title=f"Hidden gaps: left (graded poor or without an answer), and harmed: more than {HARM:g} mm worse (3D RMS) than "
-        "the better of linear and holding still, among the filled and among the left; the worst of the filled, mm",
+        title=f"Hidden gaps: left (poor or no answer), harmed (3D RMS more than {HARM:g} mm above the better of "
+        "linear and holding still) among the filled and among the left, and the worst of the filled, mm",
         header=("half", "gaps", "frames at 120 Hz", "gaps", "left", "harmed", "harmed if not left", "worst"),
         rows=tuple(rows),
     )

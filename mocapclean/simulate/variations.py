@@ -30,7 +30,8 @@ _INSIDE = (0.01, 0.99)  # quantiles of the coordinates between which things are 
 _BOX = (400.0, 300.0)  # mm, sides of the rectangle of a box's four markers
 _CARRIED = 400.0  # mm by which a cup is moved
 _CARRY_SECONDS = 1.0  # for which a cup is in motion
-_SHORTEST_SECONDS = 3.0  # of a take in which a thing is moved, thrown or paused
+_SHORTEST_SECONDS = 2.0  # of a take in which a thing is moved, thrown or paused
+_BEGIN = (0.25, 0.5)  # of the take, between which a move, a throw or a pause begins
 _THROW = 6000.0  # mm/s, speed of a ball that leaves the hand; a gentle throw
 _SWING_SECONDS = 0.15  # in which the hand accelerates the ball
 _FLIGHT_SECONDS = 0.8  # until the ball is no longer seen
@@ -193,7 +194,7 @@ def _cup(take: Take, rng: np.random.Generator) -> Variation | None:
     place, seconds = _place(take, rng), len(take.trusted) / take.rate
     if place is None or seconds < _SHORTEST_SECONDS:
         return None
-    begin = rng.uniform(1.0, seconds - 1.0 - _CARRY_SECONDS) if seconds > 2.0 + _CARRY_SECONDS else 1.0
+    begin = rng.uniform(*_BEGIN) * seconds
     # Minimum jerk: T. Flash, N. Hogan, 1985, 10 t³ − 15 t⁴ + 6 t⁵
     t = np.clip((np.arange(len(take.trusted)) / take.rate - begin) / _CARRY_SECONDS, 0.0, 1.0)
     share = 10 * t**3 - 15 * t**4 + 6 * t**5
@@ -206,7 +207,7 @@ def _ball(take: Take, rng: np.random.Generator) -> Variation | None:
     place, seconds = _place(take, rng), len(take.trusted) / take.rate
     if place is None or seconds < _SHORTEST_SECONDS:
         return None
-    begin = rng.uniform(1.0, seconds - 1.0)
+    begin = rng.uniform(*_BEGIN) * seconds
     direction = _direction(rng)
     direction[2] = abs(direction[2])
     t = np.arange(len(take.trusted)) / take.rate - begin
@@ -346,7 +347,7 @@ def _pause(take: Take, rng: np.random.Generator) -> Variation | None:
     n_frames = len(take.trusted)
     if n_frames / take.rate < _SHORTEST_SECONDS:
         return None
-    begin = int(rng.integers(n_frames // 3, n_frames // 2))
+    begin = int(rng.uniform(*_BEGIN) * n_frames)
     slower = 0.5 + 0.5 * np.cos(np.linspace(0.0, np.pi, max(2, round(2 * _EASE_SECONDS * take.rate))))
     pause = np.zeros(max(1, round(_PAUSE_SECONDS * take.rate)))
     # Frames of the motion per frame of the take: 1, less, 0, more, 1
