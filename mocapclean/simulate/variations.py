@@ -294,19 +294,17 @@ def _stances(take: Take) -> list[tuple[int, int, int]]:
 def _foot_down(take: Take, rng: np.random.Generator, locked: bool) -> Variation | None:
     """Return the take up to the middle of a stance; ``locked``: the foot holds its place exactly from its start on."""
     stances = _stances(take)
-    if not stances:
-        return None
-    marker, start, stop = stances[int(rng.integers(len(stances)))]
-    end = (start + stop) // 2
-    varied = _at(take, np.arange(end))
-    if not locked:
-        return varied
-    offsets = np.linalg.norm(take.positions[start:end, marker] - take.positions[start, marker], axis=1)
-    if offsets.max() > _LOCKED:
-        return None
-    positions = varied.take.positions.copy()
-    positions[start:end, marker] = positions[start, marker]
-    return replace(varied, take=replace(varied.take, positions=positions, poses=None))
+    for choice in rng.permutation(len(stances)):
+        marker, start, stop = stances[choice]
+        end = (start + stop) // 2
+        varied = _at(take, np.arange(end))
+        if not locked:
+            return varied
+        positions = varied.take.positions.copy()
+        positions[start:, marker] = positions[start, marker]
+        if np.linalg.norm(positions[start:, marker] - take.positions[start:end, marker], axis=1).max() <= _LOCKED:
+            return replace(varied, take=replace(varied.take, positions=positions, poses=None))
+    return None
 
 
 # Time
