@@ -19,7 +19,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD, Grades
-from mocapclean.detection import detect
+from mocapclean.detection import RULES, detect
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
 from mocapclean.experiments.markers import HARM, halves
@@ -44,6 +44,7 @@ MIN_MARKERS = 4  # that are seen in a take that is run; fewer hold no segment
 
 MEASURES = (
     *("samples", "replaced", "anew", "near", "doubted", "suspicious", "moved", "noises"),
+    *(f"by {rule}" for rule in RULES),
     *("gaps", "left", "harmed", "harmed_if_left", "worst", "seconds"),
 )
 
@@ -148,15 +149,17 @@ def run_detection(kind: str, capture: Capture, entry: Entry, seed: int) -> Trial
     counted = right & ~near
     before = (varied.source >= 0) & _natural(capture).ravel()[varied.source]
     moved = np.linalg.norm(positions - take.positions, axis=2)
+    wrong = replaced & counted
     return {
         "samples": int(counted.sum()),
-        "replaced": int((replaced & counted).sum()),
-        "anew": int((replaced & counted & ~before).sum()),
+        "replaced": int(wrong.sum()),
+        "anew": int((wrong & ~before).sum()),
         "near": int((replaced & right & near & ~before).sum()),
         "doubted": int((distrusted & ~replaced & counted).sum()),
         "suspicious": int((judged.suspicious & counted).sum()),
-        "moved": float(moved[replaced & counted].max(initial=0.0)),
-        "noises": float((moved / noise(take))[replaced & counted].max(initial=0.0)),
+        "moved": float(moved[wrong].max(initial=0.0)),
+        "noises": float((moved / noise(take))[wrong].max(initial=0.0)),
+        **{f"by {rule}": int((wrong & ~before & judged.distrusted_by(rule)).sum()) for rule in RULES},
     }, {}
 
 
@@ -355,7 +358,7 @@ def tables(results: Results) -> list[Table]:
         if takes
     ]
     parts.append(("both", results))
-    return [_detection(parts), _gaps(parts), _worst_takes(results), _worst_gaps(results)]
+    return [_detection(parts), _by_rule(results), _gaps(parts), _worst_takes(results), _worst_gaps(results)]
 
 
 def _total(rows: Sequence[Row], measure: str) -> float:
@@ -413,6 +416,22 @@ def _detection_cells(rows: Sequence[Row]) -> tuple[str, ...]:
         number(rates["suspicious"]),
         number(_most(rows, "moved")),
         number(_most(rows, "noises")),
+    )
+
+
+def _by_rule(results: Results) -> Table:
+    """Return the table of the samples that are replaced anew, by variation and rule."""
+    measured = [row for row in results.rows if row.values.get("anew")]
+    rules = [rule for rule in RULES if _total(measured, f"by {rule}")]
+    rows = []
+    for kind in VARIATIONS:
+        own = [row for row in measured if row.cell["variation"] == kind]
+        if own:
+            rows.append((kind, *(f"{_total(own, f'by {rule}'):.0f}" for rule in rules)))
+    return Table(
+        title="Right samples that are replaced anew, by the rule that the finding names",
+        header=("variation", *rules),
+        rows=tuple(rows),
     )
 
 

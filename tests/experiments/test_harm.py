@@ -122,6 +122,22 @@ def test_the_repair_of_a_fault_is_no_harm_and_what_is_beside_it_is(monkeypatch, 
     assert measures["samples"] == (max(0, start - 120) + max(0, n_frames - stop - 120)) * n_markers
 
 
+def test_replaced_samples_are_counted_by_their_rule(monkeypatch, capture):
+    distrusts = block(-1)
+    monkeypatch.setattr(harm, "_natural", lambda capture: np.zeros_like(capture.take.trusted))
+    toy(monkeypatch, distrusts)
+    monkeypatch.setattr(harm, "detect", partial(found_by, harm.detect, "drift"))
+    measures, _ = harm.run_detection("still marker", capture, ENTRY, 0)
+    by_rule = {name: value for name, value in measures.items() if name.startswith("by ") and value}
+    assert by_rule == {"by drift": 6}
+
+
+def found_by(detect, rule, take):
+    """The answer of a toy rule with a finding about some of its samples, frames 104 to 109."""
+    finding = Finding(rule=rule, message="", marker=take.markers[-1], frames=(104, 120))
+    return replace(detect(take), findings=(finding,))
+
+
 def test_a_fault_counts_only_far_away(monkeypatch, capture):
     # A drift, which lasts to the end, that begins late enough
     starts = {seed: next(column_runs(vary(capture.take, "drift", seed).faulty))[1] for seed in range(10)}
@@ -263,17 +279,18 @@ def test_tables_pool_and_take_the_median_over_takes():
             row("b", values=counts(1000, 4, anew=0, moved=3.0, noises=2.0), variation=UNCHANGED),
             row("c", values=counts(3000, 60, moved=7.0, noises=9.0), variation=UNCHANGED),
             row("d", values={}, variation="cut"),
-            row("c", values=counts(1000, 5, anew=2), variation="loop"),
+            row("c", values=counts(1000, 5, anew=2) | {"by drift": 2, "by jump": 1}, variation="loop"),
             row("a", values=gaps, series=series, gaps="box, ends", frames=30),
         )
     )
-    detection, gaps_table, takes, worst = harm.tables(results)
+    detection, by_rule, gaps_table, takes, worst = harm.tables(results)
     both = next(cells for cells in detection.rows if cells[:2] == ("both", "all"))
     assert both[2:6] == ("3", "6000", "400", "1150")
     first = next(cells for cells in detection.rows if cells[:2] == ("chosen on", UNCHANGED))
     assert first[2:6] == ("2", "4000", "1000", "1500")
     assert first[-2:] == ("7.00", "9.00")
     assert not any(cells[1] == "cut" for cells in detection.rows)
+    assert (by_rule.header, by_rule.rows) == (("variation", "drift", "jump"), (("loop", "2", "1"),))
     assert gaps_table.rows[0] == ("chosen on", "box, ends", "30", "2", "1", "1", "1", "5.00")
     assert [cells[:4] for cells in takes.rows] == [
         ("c", UNCHANGED, "0", "60.0"),
