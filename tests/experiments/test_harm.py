@@ -93,6 +93,13 @@ def test_samples_that_are_distrusted_and_left_are_told_apart(monkeypatch, captur
     assert (measures["replaced"], measures["doubted"], measures["moved"]) == (0, 20, 0)
 
 
+def test_gaps_graded_fair_are_filled(monkeypatch, capture):
+    toy(monkeypatch, block(2, 5), partial(moved_by, sd=10.0))  # an expected 3D error of 17 mm
+    assert harm.run_detection(UNCHANGED, capture, ENTRY, 0)[0]["replaced"] == 20
+    answers(monkeypatch, off_by(9.0, sd=10.0))
+    assert harm.run_fill("still marker", 30, capture, ENTRY, 0)[0]["left"] == 0
+
+
 def test_what_is_distrusted_in_the_take_as_it_is_is_not_replaced_anew(monkeypatch, capture):
     # The first column in the take as it is, which a loop has twice; the added marker is the last column.
     toy(monkeypatch, block(0))
@@ -196,6 +203,16 @@ def test_harm_that_the_grade_leaves_is_counted_apart(monkeypatch, capture):
     answers(monkeypatch, off_by(9.0, sd=30.0))
     measures, _ = harm.run_fill("still marker", 30, capture, ENTRY, 0)
     assert [measures[name] for name in ("gaps", "left", "harmed", "harmed_if_left", "worst")] == [3, 3, 0, 3, 0]
+
+
+def test_holding_still_repeats_the_sample_before_a_gap_or_at_the_start_the_next(capture):
+    take = capture.take.crop(0, 10)
+    hidden = np.zeros_like(take.trusted)
+    hidden[:3, 0] = hidden[4:6, 0] = hidden[8:, 1] = True
+    frames = np.arange(10)[:, None].repeat(hidden.shape[1], 1)
+    frames[:3, 0], frames[4:6, 0], frames[8:, 1] = 3, 3, 7
+    expected = np.take_along_axis(take.positions, frames[..., None], axis=0)
+    np.testing.assert_array_equal(harm._held(take, hidden), expected)
 
 
 def test_linear_is_harmful_only_where_holding_still_is_better(capture):

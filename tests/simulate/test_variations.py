@@ -178,6 +178,12 @@ def test_a_foot_is_down_at_the_end(takes):
     assert np.nanmedian(speed) > 250.0
 
 
+def test_standing_is_no_stance(takes):
+    standing = takes["joints"].crop(0, 300)
+    standing = replace(standing, positions=np.tile(standing.positions[0], (300, 1, 1)))
+    assert vary(standing, "foot down at the end", 0) is None
+
+
 def test_a_pause_is_still_and_no_motion_is_lost(takes):
     variation = varied(takes, "joints", "pause")
     step = np.linalg.norm(np.diff(variation.take.positions, axis=0), axis=2).max(axis=1)
