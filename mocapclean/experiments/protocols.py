@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from mocapclean.experiments import compare, hu2017, imamura2018, markers, tan2015, trust, wang2016
+from mocapclean.experiments import compare, harm, hu2017, imamura2018, markers, tan2015, trust, wang2016
 from mocapclean.experiments.results import Figure, Results, Table
 from mocapclean.experiments.trials import Request, Trial
 
@@ -93,5 +93,14 @@ EXPERIMENTS: dict[str, Experiment] = {
         tables=trust.tables,
         figures=trust.figures,
         quick_frames=trust.QUICK_FRAMES,
+    ),
+    "harm": Experiment(
+        reference="right samples in unusual situations, mocapclean.simulate.vary, and hidden gaps",
+        measures=harm.MEASURES,
+        trials=harm.trials,
+        tables=harm.tables,
+        figures=harm.figures,
+        quick_frames=harm.QUICK_FRAMES,
+        notes=harm.notes,
     ),
 }

@@ -5,14 +5,17 @@ from mocapclean.simulate.figure import asf_skeleton, bvh_skeleton
 from mocapclean.simulate.markers import MARKERS
 from mocapclean.simulate.occlusion import block_loss, hide, lose_channels, occlude, random_loss, single_gaps
 from mocapclean.simulate.performance import MOTIONS, Performance, perform
+from mocapclean.simulate.variations import VARIATIONS, Variation, vary
 
 __all__ = [
     "FAULTS",
     "MARKERS",
     "MOTIONS",
+    "VARIATIONS",
     "Event",
     "Injected",
     "Performance",
+    "Variation",
     "asf_skeleton",
     "block_loss",
     "bvh_skeleton",
@@ -23,4 +26,5 @@ __all__ = [
     "perform",
     "random_loss",
     "single_gaps",
+    "vary",
 ]
