@@ -3,7 +3,6 @@
 Source: the C3D file format user guide (Motion Lab Systems, 2008, c3d.org).
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +15,12 @@ from mocapclean.formats.c3d.header import (
     BLOCK,
     MAGIC,
     MOST_COUNT,
-    RELATIVE_TOLERANCE,
-    SCALE_BYTE,
-    Header,
     halves,
     read_header,
 )
+from mocapclean.formats.c3d.layout import find_layout
 from mocapclean.formats.c3d.patching import prove, write
-from mocapclean.formats.c3d.points import choose_markers, count_frames, frame_rate, millimetres_per_unit, point_names
+from mocapclean.formats.c3d.points import choose_markers, frame_rate, millimetres_per_unit, point_names, step
 from mocapclean.formats.c3d.words import INTEL, Words, present
 from mocapclean.formats.contract import Declaration
 from mocapclean.take import Finding, Origin, ReadOptions, Take
@@ -50,32 +47,24 @@ def read(path: Path, options: ReadOptions) -> Take:
     ``options.points`` names a point that it does not have.
     """
     header = read_header(path)
-    if header.n_points == 0:
-        raise FormatError(path, "a take must have points. Got none: the file has no points, only analog channels.")
-    names, name_findings = point_names(header)
+    layout, layout_findings = find_layout(path, header)
+    names, name_findings = point_names(header, layout.n_points)
     columns, point_findings = choose_markers(path, header, names, options)
     rate, rate_findings = frame_rate(path, header, options)
     unit, unit_findings = millimetres_per_unit(header, options)
-    scale, scale_findings = _scale(path, header)
-    words = Words(machine=header.machine, is_float=scale < 0)
-    n_words = WORDS_PER_POINT * header.n_points + header.n_analog
-    n_frames, first_frame, frame_findings = count_frames(path, header, n_words * words.raw.itemsize)
+    scale, scale_findings = step(header, layout.words.is_float)
     document = C3dDocument(
         path=path,
         size=header.size,
-        head=header.head,
-        words=words,
-        data_start=header.data_start,
-        n_points=header.n_points,
-        n_words=n_words,
-        n_frames=n_frames,
+        head=header.head[: layout.data_start],
+        words=layout.words,
+        data_start=layout.data_start,
+        n_points=layout.n_points,
+        n_words=layout.n_words,
+        n_frames=layout.n_frames,
         columns=_as_slice(columns),
-        # Floats are stored in units of length, integers in steps of the scale factor.
-        factor=unit if words.is_float else scale * unit,
+        factor=scale * unit,
     )
-    if document.data_start <= header.section < document.data_stop:
-        message = f"the point data must not lie over the parameter section. It starts at byte {document.data_start}."
-        raise FormatError(path, message, byte=header.section)
     positions, trusted = _read_samples(document, len(columns))
     if not trusted.any():
         message = f"All {trusted.size} samples are marked missing, so there is nothing to trust."
@@ -85,8 +74,8 @@ def read(path: Path, options: ReadOptions) -> Take:
         trusted=trusted,
         markers=tuple(names[i] for i in columns),
         rate=rate,
-        first_frame=first_frame,
-        findings=(*frame_findings, *rate_findings, *unit_findings, *scale_findings, *name_findings, *point_findings),
+        first_frame=layout.first_frame,
+        findings=(*layout_findings, *rate_findings, *unit_findings, *scale_findings, *name_findings, *point_findings),
         origin=Origin(
             path=path, format="c3d", options=options, document=document, largest=document.words.limit * document.factor
         ),
@@ -153,21 +142,6 @@ def _as_slice(columns: list[int]) -> Any:
     """Return ascending indices as a slice where they adjoin, which numpy reads as a view, else as an array."""
     adjoin = columns == list(range(columns[0], columns[-1] + 1))
     return slice(columns[0], columns[-1] + 1) if adjoin else np.array(columns)
-
-
-def _scale(path: Path, header: Header) -> tuple[float, list[Finding]]:
-    """Return the header's scale factor, negative for floats, or else POINT:SCALE, and a finding if they differ."""
-    listed = header.parameters.numbers("POINT:SCALE")[:1]
-    usable = [scale for scale in (header.scale, *listed) if math.isfinite(scale) and scale != 0]
-    if not usable:
-        message = f"the scale factor must be finite and not 0. Got {header.scale:g}."
-        raise FormatError(path, message, byte=SCALE_BYTE)
-    # The sign alone counts for floats: their magnitude is a leftover of the integer form.
-    if usable[0] < 0 or not listed or math.isclose(usable[0], listed[0], rel_tol=RELATIVE_TOLERANCE):
-        return usable[0], []
-    message = f"POINT:SCALE should be the header's scale. Got {listed[0]:g} and {usable[0]:g}, which was used."
-    advice = "Compare a known distance."
-    return usable[0], [Finding(rule="scale", level="warning", message=message, advice=advice)]
 
 
 def _read_samples(document: C3dDocument, n_markers: int) -> tuple[Floats, Bools]:

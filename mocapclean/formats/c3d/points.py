@@ -1,11 +1,11 @@
-"""The points of a C3D file: their names, which of them are markers, their unit, rate and number of frames."""
+"""The points of a C3D file: their names, which of them are markers, their unit and rate."""
 
 import math
 import re
 from pathlib import Path
 
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats.c3d.header import BLOCK, FRAMES_BYTE, MOST_COUNT, RELATIVE_TOLERANCE, Header, Parameters
+from mocapclean.formats.c3d.header import RELATIVE_TOLERANCE, Header, Parameters
 from mocapclean.take import Finding, ReadOptions
 from mocapclean.take.names import bare_name, similar_names
 
@@ -21,10 +21,10 @@ NAME_SIMILARITY = 0.5
 """The least similarity of a suggestion, from 0 to 1 (difflib). Chosen by hand."""
 
 
-def point_names(header: Header) -> tuple[list[str], list[Finding]]:
+def point_names(header: Header, n_points: int) -> tuple[list[str], list[Finding]]:
     """Return a distinct name for every point, as stored where possible, and a finding for names that were made up."""
-    stored = _all_labels(header.parameters, "LABELS")[: header.n_points]
-    stored += [""] * (header.n_points - len(stored))
+    stored = header.parameters.labels("LABELS")[:n_points]
+    stored += [""] * (n_points - len(stored))
     names: list[str] = []
     used, copies, made_up = set(stored), dict[str, int](), []
     seen: set[str] = set()
@@ -40,7 +40,7 @@ def point_names(header: Header) -> tuple[list[str], list[Finding]]:
         names.append(name)
     if not made_up:
         return names, []
-    message = f"{len(made_up)} of {header.n_points} labels are empty or repeated and were named {_few(made_up)}."
+    message = f"{len(made_up)} of {n_points} labels are empty or repeated and were named {_few(made_up)}."
     return names, [Finding(rule="labels", message=message)]
 
 
@@ -56,7 +56,7 @@ def choose_markers(
     listed = _listed(header.parameters)
     # A label counts as listed with or without its ``Subject:`` prefix on either side.
     bare = {bare_name(label) for label in listed if ":" in label}
-    labels = list(enumerate(_all_labels(header.parameters, "LABELS")[: len(names)]))
+    labels = list(enumerate(header.parameters.labels("LABELS")[: len(names)]))
     other = {i for i, label in labels if {label, bare_name(label)} & listed or (":" not in label and label in bare)}
     unlabelled = {i for i, label in labels if UNLABELLED.fullmatch(bare_name(label))}
     if len(other | unlabelled) < len(names):
@@ -106,6 +106,22 @@ def millimetres_per_unit(header: Header, options: ReadOptions) -> tuple[float, l
     return options.unit or 1.0, [finding]
 
 
+def step(header: Header, is_float: bool) -> tuple[float, list[Finding]]:
+    """Return the units of length of a step of an integer, 1 for floats, and a finding where two places differ.
+
+    The header comes first, then POINT:SCALE. The sign alone counts for floats: their magnitude is a leftover of the
+    integer form.
+    """
+    if is_float:
+        return 1.0, []
+    stated = [header.scale, *header.parameters.numbers("POINT:SCALE")[:1]]
+    steps = [scale for scale in stated if math.isfinite(scale) and scale > 0]
+    if math.isclose(min(steps), max(steps), rel_tol=RELATIVE_TOLERANCE):
+        return steps[0], []
+    message = f"POINT:SCALE should be the header's scale. Got {steps[1]:g} and {steps[0]:g}, which was used"
+    return steps[0], [Finding(rule="scale", level="warning", message=message, advice="compare a known distance")]
+
+
 def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
     """Return the frames per second exactly as POINT:RATE, or else the header, has it; a given rate comes first.
 
@@ -125,76 +141,13 @@ def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float,
     return usable[0], [finding] if len(stored) > 1 else []
 
 
-def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, list[Finding]]:
-    """Return the number of frames, the number of the first frame, and findings for counts that do not agree.
-
-    A file states its count in up to four places. The first count that fills the file to its last block is right, else
-    the first count that fits in it. A count beyond 16 bits makes counts within 16 bits worthless: they overflowed.
-    stride: bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any
-    count is reached.
-    """
-    n_whole, rest = divmod(header.size - header.data_start, stride)
-    trial_start, trial_stop = (
-        _long(header.parameters.numbers(f"TRIAL:ACTUAL_{end}_FIELD")) for end in ("START", "END")
-    )
-    counts = {
-        "TRIAL:ACTUAL_END_FIELD": trial_stop - trial_start + 1 if trial_stop and trial_start else 0,
-        "POINT:LONG_FRAMES": _long(header.parameters.numbers("POINT:LONG_FRAMES")),
-        "the header": header.last_frame - header.first_frame + 1,
-        "POINT:FRAMES": _long(header.parameters.numbers("POINT:FRAMES")[:1]),
-    }
-    counts = {place: count for place, count in counts.items() if count > 0}
-    exact = [n for n in counts.values() if 0 <= (n_whole - n) * stride + rest <= BLOCK]
-    least = MOST_COUNT + 1 if max(counts.values(), default=0) > MOST_COUNT else 1
-    fitting = exact or [n for n in counts.values() if least <= n <= n_whole]
-    stated = ", ".join(f"{place} has {count}" for place, count in counts.items())
-    if not counts or (not fitting and n_whole == 0):
-        raise FormatError(
-            path, f"a take must have frames. Got none: {stated or 'no place names any'}.", byte=FRAMES_BYTE
-        )
-    if not fitting and rest:
-        raise FormatError(
-            path,
-            f"the file must hold all its frames. Got {n_whole} and a part of one more, while {stated}; it was cut off: "
-            "get it again from its source.",
-            byte=header.data_start + n_whole * stride,
-        )
-    count = fitting[0] if fitting else n_whole
-    is_trial = counts.get("TRIAL:ACTUAL_END_FIELD") == count
-    first_frame = trial_start if is_trial else header.first_frame
-    if not fitting:
-        message = f"The file ends after frame {count} although {stated}; the frames that are there were read."
-        return count, first_frame, [Finding(rule="frames", level="warning", message=message)]
-    if exact and len(set(counts.values())) == 1:
-        return count, first_frame, []
-    message = f"{count} frames were read; the file holds bytes for {n_whole}, and {stated}."
-    return count, first_frame, [Finding(rule="frames", level="info" if exact else "warning", message=message)]
-
-
-def _long(numbers: list[float]) -> int:
-    """Return a count that is stored as one number or as two 16-bit halves, the low half first; 0 if there is none."""
-    if not numbers or not all(math.isfinite(x) and x >= 0 for x in numbers[:2]):
-        return 0
-    return int(numbers[0]) + ((MOST_COUNT + 1) * int(numbers[1]) if len(numbers) > 1 else 0)
-
-
-def _all_labels(parameters: Parameters, name: str) -> list[str]:
-    """Return the labels of POINT:NAME and its continuations POINT:NAME2, POINT:NAME3, ..., which hold 255 each."""
-    labels = parameters.strings(f"POINT:{name}")
-    number = 2
-    while f"POINT:{name}{number}" in parameters.entries:
-        labels += parameters.strings(f"POINT:{name}{number}")
-        number += 1
-    return labels
-
-
 def _listed(parameters: Parameters) -> set[str]:
     """Return the labels of all points that are listed as something else than captured markers.
 
     POINT:TYPE_GROUPS holds pairs: the parameter that lists points, and what they are.
     """
     groups = [*NOT_MARKERS, *parameters.strings("POINT:TYPE_GROUPS")[::2]]
-    return {label for group in dict.fromkeys(groups) for label in _all_labels(parameters, group.upper())} - {""}
+    return {label for group in dict.fromkeys(groups) for label in parameters.labels(group.upper())} - {""}
 
 
 def _few(names: list[str]) -> str:
