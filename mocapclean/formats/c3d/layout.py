@@ -182,6 +182,8 @@ def find_layout(path: Path, header: Header) -> tuple[Layout, list[Finding]]:
         unsettled = [quantity for quantity in quantities if quantity.is_open]
         if unsettled:
             _refuse(path, header, unsettled)
+        if not any(claim.is_possible for claim in quantities[-1].stated):
+            _refuse_start(path, header)
         layout, finding = _partly_filled(path, candidates[0], frames)
         if layout.covers(header.section):
             _refuse_over_section(path, header, layout.data_start)
@@ -274,15 +276,20 @@ def _start_claims(path: Path, header: Header) -> list[Claim]:
         for place, start in (starts | {SECTION: header.section_stop}).items()
     ]
     if not any(claim.is_possible for claim in claims):
-        if any(claim.value == header.section for claim in claims):
-            _refuse_over_section(path, header, header.section)
-        raise FormatError(
-            path,
-            f"the header's pointer to the point data must be a block of the file ({header.size} bytes). "
-            f"Got block {header.data_block}; the file may be cut off: get it again from its source.",
-            byte=DATA_BLOCK_BYTE,
-        )
+        _refuse_start(path, header)
     return claims
+
+
+def _refuse_start(path: Path, header: Header) -> NoReturn:
+    """Raise FormatError where no place leads to the point data."""
+    if header.data_block == header.section // BLOCK + 1:
+        _refuse_over_section(path, header, header.section)
+    raise FormatError(
+        path,
+        f"the header's pointer to the point data must be a block of the file ({header.size} bytes). "
+        f"Got block {header.data_block}; the file may be cut off: get it again from its source.",
+        byte=DATA_BLOCK_BYTE,
+    )
 
 
 def _refuse_over_section(path: Path, header: Header, start: int) -> NoReturn:
