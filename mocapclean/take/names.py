@@ -42,6 +42,10 @@ def matching_columns(pattern: str, markers: Sequence[str]) -> list[int]:
 def similar_names(name: str, markers: Sequence[str], *, cutoff: float = 0.6) -> list[str]:
     """Return up to 3 markers whose names are most like a name, best first; none below the ``cutoff``.
 
-    cutoff: the least ratio of ``difflib.SequenceMatcher``, from 0 to 1.
+    Case does not count. cutoff: the least ratio of ``difflib.SequenceMatcher``, from 0 to 1.
     """
-    return get_close_matches(name, markers, n=MOST_SUGGESTIONS, cutoff=cutoff)
+    spelled: dict[str, list[str]] = {}
+    for marker in markers:
+        spelled.setdefault(marker.casefold(), []).append(marker)
+    near = get_close_matches(name.casefold(), list(spelled), n=MOST_SUGGESTIONS, cutoff=cutoff)
+    return [marker for text in near for marker in spelled[text]][:MOST_SUGGESTIONS]
