@@ -18,7 +18,10 @@ FILE = click.Path(path_type=Path)
 _READING = (
     click.option("--skeleton", type=FILE, help="Joints and bones: the .asf of an .amc; for C3D an .asf or .bvh."),
     click.option("--rate", type=float, help="Frames per second, for files without a rate (AMC: 120)."),
-    click.option("--unit", help="Unit of length of a BVH file: mm, cm (default), m, in, or mm per unit."),
+    click.option(
+        "--unit",
+        help="Unit of length of BVH (default cm), or instead of that in a C3D: mm, cm, m, in, or mm.",
+    ),
     click.option("--gaps", type=FILE, help="CSV of spans to distrust: marker,first,last (the file's frame numbers)."),
     click.option("--markers", multiple=True, metavar="NAME", help="Repair only these markers; wildcards allowed."),
     click.option("--exclude", multiple=True, metavar="NAME", help="Ignore these markers; wildcards allowed."),

@@ -129,7 +129,8 @@ class Settings(BaseModel):
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files without a rate")
     unit: Literal["mm", "cm", "m", "in"] | PositiveFloat | None = Field(
         default=None,
-        description="unit of length of a BVH file: mm, cm (default), m, in, or millimetres per unit",
+        description="unit of length of a BVH file (default cm), or instead of the one that a C3D file states: mm, cm, m, "
+        "in, or millimetres per unit",
     )
     gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
     max_gap: PositiveInt | None = Field(default=None, description="gaps of more frames stay unfilled")
@@ -189,7 +190,7 @@ class Settings(BaseModel):
 
     @property
     def unit_mm(self) -> float | None:
-        """Return millimetres per unit of length of a BVH file; None if the unit is not given."""
+        """Return millimetres per unit of length; None if the unit is not given."""
         return MILLIMETRES[self.unit] if isinstance(self.unit, str) else self.unit
 
     @property

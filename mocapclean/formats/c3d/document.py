@@ -49,6 +49,12 @@ class C3dDocument:
     quantities: tuple[int, ...] = ()
 
     @property
+    def carried(self) -> tuple[str, ...]:
+        """The names of the points that are no markers."""
+        markers = set(self.marker_points().tolist())
+        return tuple(name for i, name in enumerate(self.names) if i not in markers)
+
+    @property
     def stride(self) -> int:
         """Bytes per frame."""
         return self.n_words * self.words.raw.itemsize
