@@ -129,8 +129,8 @@ class Settings(BaseModel):
     rate: PositiveFloat | None = Field(default=None, description="frames per second, for files without a rate")
     unit: Literal["mm", "cm", "m", "in"] | PositiveFloat | None = Field(
         default=None,
-        description="unit of length of a BVH file (default cm), or instead of the one that a C3D file states: mm, cm, m, "
-        "in, or millimetres per unit",
+        description="unit of length of a BVH file (default cm), or instead of the one that a C3D file states: mm, cm, "
+        "m, in, or millimetres per unit",
     )
     gaps: Path | None = Field(default=None, description="CSV of distrusted spans: marker,first,last")
     max_gap: PositiveInt | None = Field(default=None, description="gaps of more frames stay unfilled")

@@ -91,7 +91,7 @@ def test_what_is_not_missing(tmp_path: Path, sample: tuple[float, ...]) -> None:
 
 def test_a_take_without_any_trust_says_so(tmp_path: Path) -> None:
     points = walk()
-    points[..., 3] = -1
+    points[...] = [0, 0, 0, -1]
     assert rules(load(tmp_path, C3D(points))) == {"missing"}
 
 
@@ -109,6 +109,14 @@ def test_a_take_without_any_trust_says_so(tmp_path: Path) -> None:
         ("Meters", 1000, False),
         ("metre", 1000, False),
         ("mete", 1000, False),
+        ("in", 25.4, False),
+        ("Inches", 25.4, False),
+        ("inch", 25.4, False),
+        ("ft ", 304.8, False),
+        ("FEET", 304.8, False),
+        ("foot", 304.8, False),
+        ("yards", 914.4, False),
+        ("dm", 100, False),
         ("    ", 1, True),
         ("furlong", 1, True),
         (None, 1, True),
@@ -125,10 +133,11 @@ def test_units(tmp_path: Path, units: str | None, factor: float, is_told: bool) 
 
 def test_labels_are_unique_and_never_empty(tmp_path: Path) -> None:
     labels = ["A", "A", "", "Bob:C7", "A", "A#2", "Größe", b"D\xe9but", "point3"]
-    take = load(tmp_path, C3D(walk(n_points=10), labels=labels))
-    names = ("A", "A#3", "point3#2", "Bob:C7", "A#4", "A#2", "Größe", "Début", "point3", "point10")
+    take = load(tmp_path, C3D(walk(n_points=10), labels=labels, extra={"LABELS": texts("POINT", "LABELS", labels)}))
+    names = ("A", "A#3", "Bob:C7", "A#4", "A#2", "Größe", "Début", "point3", "point10")
     assert take.markers == names
-    assert rules(take) == {"labels"}
+    assert rules(take) == {"labels", "points"}
+    assert load(tmp_path, C3D(walk(n_points=10), labels=labels), points=("point3#2",)).markers[2] == "point3#2"
 
 
 def test_more_than_255_labels(tmp_path: Path) -> None:

@@ -69,9 +69,8 @@ def prove(take: Take, path: Path) -> None:
         _check_unchanged(document, after)
         for start, stop in document.spans():
             old, new = document.load(before, start, stop), document.load(after, start, stop)
-            span = slice(start, stop)
-            # 1. Changed samples hold the take's positions. 2. All other words of the frames are as they were, but for the
-            # residual words of exchanged samples, which are exchanged.
+            # 1. Changed samples hold the take's positions. 2. All other words of the frames are as they were, except
+            # that the residual words of exchanged samples are exchanged.
             _check_changed(take, document, path, new, start, stop)
             _exchange_residuals(take, document, old, start)
             _allow_differences(take, document, old, new, start)

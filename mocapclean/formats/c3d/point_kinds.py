@@ -67,8 +67,7 @@ MODEL_OUTPUTS = re.compile(
     "|".join(
         (
             r"(?i:.*cent(?:er|re)[ _]?of[ _]?(?:mass|gravity|pressure).*)",
-            r"(?i:(?:whole[ _]?body[ _]?)?co[mg](?:[ _]?floor)?)",
-            r"(?i:(?:.*[ _.])?[lr]?cop[ _]?(?:\d+|[lr])?)",
+            r"(?i:(?:.*[ _.]|wholebody)?[lr]?co[mgp][ _]?(?:\d+|[lr]|floor)?)|.*[a-z]CO[MGP]\d?",
             r".*JC\d?",
             r"[LR][HKASEW]JC\w*",
             r"(?i:.*(?:hip|knee|ankle|shoulder|elbow|wrist|joint)[ _.]*(?:joint[ _.]*)?cent(?:er|re).*)",

@@ -114,7 +114,9 @@ def _marks(positions: Floats, trusted: Bools) -> NDArray[np.float64]:
         is_far |= trusted & ((positions[..., axis] >= least) | (positions[..., axis] <= -least))
     far = np.abs(positions[is_far])
     triples = far[(far == far[:, :1]).all(axis=1), 0]
-    marks = np.union1d(_repeated(far[far >= BEYOND_ANY_VOLUME]), _repeated(triples))
+    beyond = _repeated(far[far >= BEYOND_ANY_VOLUME])
+    beyond = np.array([value for value in beyond if (far == value).any(axis=1).sum() >= LEAST_REPEATS])
+    marks = np.union1d(beyond, _repeated(triples))
     farthest = np.where(np.isin(far, marks), 0.0, far).max(initial=least / TIMES_FARTHER)
     return np.asarray(marks[marks >= TIMES_FARTHER * farthest])
 
