@@ -196,7 +196,7 @@ class Settings(BaseModel):
 
     @property
     def unit_mm(self) -> float | None:
-        """Return millimetres per unit of length of a BVH file; None if the unit is not given."""
+        """Return millimetres per unit of length; None if the unit is not given."""
         return MILLIMETRES[self.unit] if isinstance(self.unit, str) else self.unit
 
     @property

@@ -7,10 +7,9 @@ gaps stay missing. Errors are over hidden samples with a trusted sample of the s
 which every method fills.
 
 Takes of a folder are run if they have enough labelled markers, frames and motion, and few natural gaps. Sorted by name,
-every second take is for choosing constants, the others are for reporting. Points computed from markers are left out.
+every second take is for choosing constants, the others are for reporting. Computed points are left out by the reader.
 """
 
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
@@ -25,7 +24,6 @@ from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import GRADES
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
-from mocapclean.geometry.distances import mean_distances
 from mocapclean.simulate import single_gaps
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.take import Take
@@ -56,13 +54,6 @@ MAX_RATE = 120.5  # Hz; 120 Hz, allowing for rounded rates
 MAX_MISSING = 0.05  # share of the samples
 MIN_MOTION = 10.0  # mm, RMS distance of a marker from its mean position, median over the markers
 MIN_PRESENT = 0.5  # share of the frames in which a marker must be trusted
-
-_RIGID_SD = 0.01  # mm; markers never keep their distance as exactly as that, computed points do
-_DISTANCE_FRAMES = 600  # frames from which the SD of a distance is computed
-
-_AXES = "OALP"  # the last letters of the four points that Plug-in Gait writes for the axes of a segment
-_CENTRE = re.compile(r"cent(er|re)|joint|JC$|^com$|^virtual", re.IGNORECASE)  # names of joint centres
-_FOOT = re.compile(r"^[LR](ArchHeight|PROXFF|D1M0|FOF0|HDF0|TIB1)$")  # points that the Oxford foot model writes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,24 +120,9 @@ class Labelled(Capture):
 
 
 def labelled(take: Take) -> Take:
-    """Return the labelled markers that are trusted in half of the frames and not computed from other markers."""
-    names = [name.rsplit(":", 1)[-1] for name in take.markers]
-    present = take.trusted.mean(axis=0) >= MIN_PRESENT if len(take.trusted) else np.zeros(len(names), dtype=bool)
-    real = [present[k] and not name.startswith("*") and not _is_computed(name, names) for k, name in enumerate(names)]
-    named = take.select(np.flatnonzero(real))
-    return named.select(np.flatnonzero(~_keeps_distance(named)))
-
-
-def _is_computed(name: str, names: Sequence[str]) -> bool:
-    """Whether a model computes the point of this name: a joint centre, or one of four points of a segment's axes."""
-    axes = {name[:-1] + end for end in _AXES}
-    return bool(_CENTRE.search(name) or _FOOT.match(name)) or (name[-1:] in _AXES and axes <= {*names})
-
-
-def _keeps_distance(take: Take) -> Bools:
-    """Return the points (M,) that are computed from an earlier point: their distance to it is constant."""
-    _, deviation = mean_distances(take.positions, take.trusted, _DISTANCE_FRAMES)
-    return np.asarray(np.triu(deviation < _RIGID_SD, 1).any(axis=0))
+    """Return the markers that have a label and are trusted in half of the frames."""
+    present = take.trusted.mean(axis=0) >= MIN_PRESENT if len(take.trusted) else np.zeros_like(take.detached)
+    return take.select(np.flatnonzero(present & ~take.detached))
 
 
 def reason_to_skip(take: Take) -> str:

@@ -75,8 +75,9 @@ def read(
     """Return the take of a capture file.
 
     skeleton: the .asf of an .amc, where it is not in its folder. rate: frames per second, for files that do not
-    state it. unit: millimetres per unit of length, for BVH. points: C3D points that are not markers, to be read as
-    such. Raises FormatError with the place of the fault; UsageError for points that the file does not have.
+    state it. unit: millimetres per unit of length, for BVH, and for C3D in place of the unit that the file states.
+    points: C3D points that are not markers, to be read as such. Raises FormatError with the place of the fault;
+    UsageError for points that the file does not have.
     """
     path = Path(path)
     module = FORMATS[format_of(path)]
@@ -91,6 +92,17 @@ def read(
         return module.read(path, options)
     except OSError as fault:
         raise FormatError(path, f"cannot be read: {fault.strerror or fault}.") from None
+
+
+def carried(take: Take) -> tuple[str, ...]:
+    """Return the names of the points of a take's file that are no markers of it and are carried along untouched."""
+    document = take.origin.document if take.origin else None
+    return document.carried if isinstance(document, c3d.C3dDocument) else ()
+
+
+def outdated(take: Take) -> tuple[str, ...]:
+    """Return those of the carried points that may have been computed from a marker that is changed in the take."""
+    return c3d.outdated(take)
 
 
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:

@@ -45,7 +45,7 @@ class Prepared:
         arrays = {name: getattr(self.whole, name).copy() for name in ("positions", "trusted", "filled", "moved")}
         for name, array in arrays.items():
             array[:, self.columns] = getattr(selected, name)
-        return replace(self.whole, findings=selected.findings, **arrays)
+        return replace(self.whole, findings=selected.findings, exchanged=selected.exchanged, **arrays)
 
 
 def prepare(source: Path, settings: Settings) -> Prepared:

@@ -47,6 +47,8 @@ def similar_names(name: str, markers: Sequence[str], *, cutoff: float = 0.6) -> 
     """
     folded = name.casefold()
     same = [marker for marker in markers if folded in (marker.casefold(), bare_name(marker).casefold())]
-    by_folded = {marker.casefold(): marker for marker in markers}
-    near = [by_folded[close] for close in get_close_matches(folded, by_folded, n=MOST_SUGGESTIONS, cutoff=cutoff)]
-    return list(dict.fromkeys([*same, *near]))[:MOST_SUGGESTIONS]
+    spelled: dict[str, list[str]] = {}
+    for marker in markers:
+        spelled.setdefault(marker.casefold(), []).append(marker)
+    near = get_close_matches(folded, spelled, n=MOST_SUGGESTIONS, cutoff=cutoff)
+    return list(dict.fromkeys([*same, *(marker for text in near for marker in spelled[text])]))[:MOST_SUGGESTIONS]

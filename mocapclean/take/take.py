@@ -41,13 +41,23 @@ class Finding:
     suspicion: bool = False
 
 
+@dataclass(frozen=True)
+class Exchanged:
+    """Two markers whose samples were exchanged in a half-open span of frames (start, stop)."""
+
+    first: str
+    second: str
+    start: int
+    stop: int
+
+
 @dataclass(frozen=True, kw_only=True)
 class ReadOptions:
     """Facts about a file that its format does not store, from the user.
 
     skeleton: the file of the skeleton, for formats that keep it apart; rate: Hz, for formats that state none; unit:
-    millimetres per unit of length, for formats that state none; points: names of points to read as markers even though
-    the file lists them as something else.
+    millimetres per unit of length, for formats that state none or in place of what a file states; points: names of
+    points to read as markers even though they are something else.
     """
 
     skeleton: Path | None = None
@@ -79,7 +89,8 @@ class Take:
     trusted: (F, M) bool, False for all samples that are missing or doubtful; NaN has no meaning of its own.
     filled: (F, M) bool, untrusted samples with a position from a solver.
     moved: (F, M) bool, trusted samples that were changed at the user's request: denoised, or exchanged labels.
-    Writing changes the samples of ``filled`` and ``moved`` alone.
+    exchanged: the pairs of markers whose samples were exchanged at the user's request, in that order; a format that
+    stores more than positions exchanges the rest too. Writing changes the samples of ``filled`` and ``moved`` alone.
     markers: M distinct names. detached: (M,) bool, the columns that move with no other one, such as angles or points
     without a label; each is judged and filled by its own path alone.
     rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
@@ -95,6 +106,7 @@ class Take:
     filled: Bools = None  # type: ignore[assignment]
     moved: Bools = None  # type: ignore[assignment]
     detached: Bools = None  # type: ignore[assignment]
+    exchanged: tuple[Exchanged, ...] = ()
     first_frame: int = 1
     skeleton: Skeleton | None = None
     poses: Floats | None = None
@@ -158,6 +170,7 @@ class Take:
             moved=self.moved[:, columns],
             detached=self.detached[columns],
             markers=tuple(self.markers[c] for c in columns),
+            exchanged=(),
             poses=None,
             origin=None,
         )
@@ -173,6 +186,7 @@ class Take:
             moved=self.moved[frames],
             rate=self.rate / step,
             first_frame=self.first_frame + start,
+            exchanged=(),
             poses=None if self.poses is None else self.poses[frames],
             findings=(),
             origin=None,

@@ -376,16 +376,13 @@ def test_markers_sets_the_default_beside_the_best_other_of_each_case(monkeypatch
     assert ("chosen on", "pma", "2", "50.0 %", "3.00", "0", "-", "-") in harm.rows
 
 
-def test_markers_knows_what_is_measured():
+def test_markers_uses_what_has_a_label_and_is_seen_in_half_of_the_frames():
     take = perform("walk", 4.0, 120.0, 0).markers
-    names = [f"s:{name}" for name in take.markers]
-    names[3:11] = ["*7", "s:*8", "RFEO", "RFEA", "RFEL", "RFEP", "s:LHipCentre", "STERNO"]
-    twin = take.positions.copy()
-    twin[:, 12] = twin[:, 11] + [40.0, 0.0, 0.0]
-    trusted = take.trusted.copy()
+    trusted, detached = take.trusted.copy(), take.detached.copy()
     trusted[::2, 13] = trusted[5, 13] = False
-    kept = markers.labelled(replace(take, markers=tuple(names), positions=twin, trusted=trusted)).markers
-    assert set(names) - set(kept) == {*names[3:10], names[12], names[13]}
+    detached[[3, 8]] = True
+    kept = markers.labelled(replace(take, trusted=trusted, detached=detached)).markers
+    assert {*take.markers} - {*kept} == {take.markers[k] for k in (3, 8, 13)}
 
 
 def test_markers_takes_of_a_folder_what_is_fit_and_says_why_not(tmp_path, rng):

@@ -137,7 +137,8 @@ def test_captures_come_out_as_they_went_in(tmp_path: Path, path: Path) -> None:
     c3d.prove(written, out)
     changed = differing(path.read_bytes(), out.read_bytes())
     assert 0 < len(changed) <= changed[-1] - changed[0] + 1 <= 16
-    again = c3d.read(out, ReadOptions())
+    again = c3d.read(out, ReadOptions(points=take.markers))
+    assert again.markers == take.markers
     np.testing.assert_array_equal(again.positions, written.positions)
     assert again.trusted[sample]
     np.testing.assert_allclose(again.positions[sample], (12.5, -400.0, 1000.0), atol=0.15)

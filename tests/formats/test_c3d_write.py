@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import c3d
-from mocapclean.take import ReadOptions, Take
+from mocapclean.take import Exchanged, ReadOptions, Take
 
 # Writing
 
@@ -48,6 +48,33 @@ def test_nothing_filled_is_a_copy(tmp_path: Path, machine: int, is_float: bool) 
     take = load(tmp_path, C3D(points, machine, is_float))
     c3d.prove(c3d.write(take, out), out)
     assert out.read_bytes() == (tmp_path / "take.c3d").read_bytes()
+
+
+@pytest.mark.parametrize(("machine", "is_float"), ENCODINGS, ids=ENCODING_IDS)
+def test_an_exchanged_sample_takes_its_residual_word_along(tmp_path: Path, machine: int, is_float: bool) -> None:
+    """Two exchanges that overlap, in runs of frames that are written apart: every word of a sample goes with it."""
+    points = walk(9000, 4)
+    points[..., 3] = np.arange(1, 5) * 257
+    swapped = points.copy()
+    for first, second, span in ((0, 2, slice(4000, 6000)), (2, 3, slice(5500, 8000))):
+        swapped[span, [first, second]] = swapped[span, [second, first]]
+    take = load(tmp_path, C3D(swapped, machine, is_float))
+    positions, moved = take.positions.copy(), take.moved.copy()
+    pairs = (Exchanged("M3", "M4", 5500, 8000), Exchanged("M1", "M3", 4000, 6000))
+    for pair in pairs:
+        span, both = slice(pair.start, pair.stop), [take.markers.index(pair.first), take.markers.index(pair.second)]
+        positions[span, both] = positions[span, both[::-1]]
+        moved[span, both] = True
+    exchanged = dataclasses.replace(take, positions=positions, moved=moved, exchanged=pairs)
+    out = tmp_path / "out.c3d"
+    c3d.prove(c3d.write(exchanged, out), out)
+    assert out.read_bytes() == C3D(points, machine, is_float).build()
+    spoiled = bytearray(out.read_bytes())
+    width = 4 if is_float else 2
+    spoiled[C3D(points, machine, is_float).data_start() + (4500 * 16 + 3) * width] ^= 1
+    out.write_bytes(spoiled)
+    with pytest.raises(FormatError, match="must stay as it was"):
+        c3d.prove(exchanged, out)
 
 
 @pytest.mark.parametrize(("machine", "is_float"), ENCODINGS, ids=ENCODING_IDS)

@@ -86,7 +86,7 @@ def statuses(path, **options):
 
 
 def test_each_reason_is_recorded_where_it_is_decided(broken):
-    gaps, outcome = statuses(broken, max_gap=20, exclude=["M5"])
+    gaps, outcome = statuses(broken, max_gap=20, exclude=["M5"], markers=["M1", "M2", "M3", "M4"])
     assert gaps["M1", 0] == Status.NEVER_SEEN
     assert gaps["M2", 50] == Status.FILLED
     assert gaps["M2", 90] == Status.TOO_LONG

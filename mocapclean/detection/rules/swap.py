@@ -17,7 +17,7 @@ from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.exchanges import Exchange, exchange
 from mocapclean.detection.rule import Ruling, Switch, duration
 from mocapclean.parameters import STRICT
-from mocapclean.take import Finding, Take
+from mocapclean.take import Exchanged, Finding, Take
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -42,12 +42,15 @@ def undo(evidence: Evidence, params: Params) -> Take:
     request.
     """
     take, swaps = evidence.take, tuple(_swaps(evidence, params))
-    moved, findings = take.moved.copy(), list[Finding]()
+    moved, findings, exchanged = take.moved.copy(), list[Finding](), list(take.exchanged)
     for swap in swaps:
         moved[swap.frames, swap.first] = moved[swap.frames, swap.second] = True
         findings += _findings(take, swap, "exchanged back, as asked")
+        pair = take.markers[swap.first], take.markers[swap.second]
+        exchanged += [Exchanged(*pair, int(start), int(stop)) for start, stop in runs(swap.frames)]
     positions = exchange(take.positions, swaps)
-    return replace(take, positions=positions, moved=moved, findings=(*take.findings, *findings))
+    findings = [*take.findings, *findings]
+    return replace(take, positions=positions, moved=moved, exchanged=tuple(exchanged), findings=tuple(findings))
 
 
 def _swaps(evidence: Evidence, params: Params) -> list[Exchange]:

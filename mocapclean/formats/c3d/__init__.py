@@ -3,32 +3,26 @@
 Source: the C3D file format user guide (Motion Lab Systems, 2008, c3d.org).
 """
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats
+from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats.c3d.document import RESIDUAL, WORDS_PER_POINT, C3dDocument
-from mocapclean.formats.c3d.header import (
-    BLOCK,
-    MAGIC,
-    MOST_COUNT,
-    RELATIVE_TOLERANCE,
-    SCALE_BYTE,
-    Header,
-    halves,
-    read_header,
-)
+from mocapclean.formats.c3d.header import BLOCK, MAGIC, MOST_COUNT, halves, read_header
+from mocapclean.formats.c3d.layout import find_layout
+from mocapclean.formats.c3d.outdated import outdated
 from mocapclean.formats.c3d.patching import prove, write
-from mocapclean.formats.c3d.points import choose_markers, count_frames, frame_rate, millimetres_per_unit, point_names
-from mocapclean.formats.c3d.words import INTEL, Words, present
+from mocapclean.formats.c3d.point_kinds import MOVES_ALONE, kinds_by_name
+from mocapclean.formats.c3d.points import frame_rate, millimetres_per_unit, named_markers, point_names, step
+from mocapclean.formats.c3d.selection import as_columns, select_markers
+from mocapclean.formats.c3d.words import INTEL, Words
 from mocapclean.formats.contract import Declaration
-from mocapclean.take import Finding, Origin, ReadOptions, Take
+from mocapclean.take import Origin, ReadOptions, Take
 
-__all__ = ["DECLARATION", "C3dDocument", "create", "prove", "read", "sniff", "write"]
+__all__ = ["DECLARATION", "C3dDocument", "create", "outdated", "prove", "read", "sniff", "write"]
 
 MOST_NAME_BYTES = 255
 """The longest label: the length of a parameter's text is one byte."""
@@ -50,45 +44,43 @@ def read(path: Path, options: ReadOptions) -> Take:
     ``options.points`` names a point that it does not have.
     """
     header = read_header(path)
-    if header.n_points == 0:
-        raise FormatError(path, "a take must have points. Got none: the file has no points, only analog channels.")
-    names, name_findings = point_names(header)
-    columns, point_findings = choose_markers(path, header, names, options)
+    layout, findings = find_layout(path, header)
+    labels, names, name_findings = point_names(header, layout.n_points)
+    kinds = kinds_by_name(labels, header.parameters)
+    columns = named_markers(path, names, kinds, options)
     rate, rate_findings = frame_rate(path, header, options)
     unit, unit_findings = millimetres_per_unit(header, options)
-    scale, scale_findings = _scale(path, header)
-    words = Words(machine=header.machine, is_float=scale < 0)
-    n_words = WORDS_PER_POINT * header.n_points + header.n_analog
-    n_frames, first_frame, frame_findings = count_frames(path, header, n_words * words.raw.itemsize)
+    scale, scale_findings = step(header, layout.words.is_float)
     document = C3dDocument(
         path=path,
         size=header.size,
-        head=header.head,
-        words=words,
-        data_start=header.data_start,
-        n_points=header.n_points,
-        n_words=n_words,
-        n_frames=n_frames,
-        columns=_as_slice(columns),
-        # Floats are stored in units of length, integers in steps of the scale factor.
-        factor=unit if words.is_float else scale * unit,
+        head=header.head[: layout.data_start],
+        words=layout.words,
+        data_start=layout.data_start,
+        n_points=layout.n_points,
+        n_words=layout.n_words,
+        n_frames=layout.n_frames,
+        columns=as_columns(columns),
+        factor=scale * unit,
+        names=tuple(names),
     )
-    if document.data_start <= header.section < document.data_stop:
-        message = f"the point data must not lie over the parameter section. It starts at byte {document.data_start}."
-        raise FormatError(path, message, byte=header.section)
-    positions, trusted = _read_samples(document, len(columns))
-    if not trusted.any():
-        message = f"All {trusted.size} samples are marked missing, so there is nothing to trust."
-        name_findings.append(Finding(rule="missing", level="warning", message=message))
+    markers = select_markers(document, kinds, asked=options.points)
+    samples, columns = markers.samples, markers.columns
+    findings += [*rate_findings, *unit_findings, *scale_findings, *name_findings, *markers.findings]
     return Take(
-        positions=positions,
-        trusted=trusted,
+        positions=samples.positions,
+        trusted=samples.trusted,
         markers=tuple(names[i] for i in columns),
+        detached=np.array([markers.kinds[i] in MOVES_ALONE for i in columns]),
         rate=rate,
-        first_frame=first_frame,
-        findings=(*frame_findings, *rate_findings, *unit_findings, *scale_findings, *name_findings, *point_findings),
+        first_frame=layout.first_frame,
+        findings=tuple(findings),
         origin=Origin(
-            path=path, format="c3d", options=options, document=document, largest=document.words.limit * document.factor
+            path=path,
+            format="c3d",
+            options=options,
+            document=markers.document,
+            largest=document.words.limit * document.factor,
         ),
     )
 
@@ -147,39 +139,3 @@ def _check_new(take: Take, positions: Floats, path: Path) -> None:
             frame=take.first_frame + int(frame),
             marker=take.markers[marker],
         )
-
-
-def _as_slice(columns: list[int]) -> Any:
-    """Return ascending indices as a slice where they adjoin, which numpy reads as a view, else as an array."""
-    adjoin = columns == list(range(columns[0], columns[-1] + 1))
-    return slice(columns[0], columns[-1] + 1) if adjoin else np.array(columns)
-
-
-def _scale(path: Path, header: Header) -> tuple[float, list[Finding]]:
-    """Return the header's scale factor, negative for floats, or else POINT:SCALE, and a finding if they differ."""
-    listed = header.parameters.numbers("POINT:SCALE")[:1]
-    usable = [scale for scale in (header.scale, *listed) if math.isfinite(scale) and scale != 0]
-    if not usable:
-        message = f"the scale factor must be finite and not 0. Got {header.scale:g}."
-        raise FormatError(path, message, byte=SCALE_BYTE)
-    # The sign alone counts for floats: their magnitude is a leftover of the integer form.
-    if usable[0] < 0 or not listed or math.isclose(usable[0], listed[0], rel_tol=RELATIVE_TOLERANCE):
-        return usable[0], []
-    message = f"POINT:SCALE should be the header's scale. Got {listed[0]:g} and {usable[0]:g}, which was used."
-    advice = "Compare a known distance."
-    return usable[0], [Finding(rule="scale", level="warning", message=message, advice=advice)]
-
-
-def _read_samples(document: C3dDocument, n_markers: int) -> tuple[Floats, Bools]:
-    """Return the positions (F, M, 3) in millimetres and the trust (F, M) of the markers."""
-    positions = np.empty((document.n_frames, n_markers, 3))
-    trusted = np.empty((document.n_frames, n_markers), dtype=bool)
-    with document.path.open("rb") as file, np.errstate(invalid="ignore"):
-        for start, stop in document.spans():
-            samples = document.samples(document.load(file, start, stop))
-            for axis in range(3):
-                positions[start:stop, :, axis] = samples[..., axis]
-            if document.factor != 1.0:
-                positions[start:stop] *= document.factor
-            trusted[start:stop] = present(samples)
-    return positions, trusted

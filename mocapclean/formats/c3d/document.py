@@ -30,7 +30,8 @@ class C3dDocument:
 
     size: bytes of the file. head: the bytes before the first frame. words: the encoding of the points. data_start:
     byte of frame 0. n_words: words per frame. columns: indices of the markers among the points, as a slice where they
-    adjoin. factor: millimetres per stored unit.
+    adjoin. factor: millimetres per stored unit. names: of all points. computed, quantities: indices of the points, no
+    markers, that are computed from others: places, and angles, forces or the like.
     """
 
     path: Path
@@ -43,6 +44,15 @@ class C3dDocument:
     n_frames: int
     columns: slice | NDArray[np.intp]
     factor: float
+    names: tuple[str, ...] = ()
+    computed: tuple[int, ...] = ()
+    quantities: tuple[int, ...] = ()
+
+    @property
+    def carried(self) -> tuple[str, ...]:
+        """The names of the points that are no markers."""
+        markers = set(self.marker_points().tolist())
+        return tuple(name for i, name in enumerate(self.names) if i not in markers)
 
     @property
     def stride(self) -> int:

@@ -86,6 +86,15 @@ class Parameters:
         text = self.section[entry.start : entry.stop]
         return [_decode(text[at : at + width]) for at in range(0, len(text), width)]
 
+    def labels(self, name: str) -> list[str]:
+        """Return the texts of POINT:NAME and its continuations POINT:NAME2, POINT:NAME3, ..., which hold 255 each."""
+        texts = self.strings(f"POINT:{name}")
+        number = 2
+        while f"POINT:{name}{number}" in self.entries:
+            texts += self.strings(f"POINT:{name}{number}")
+            number += 1
+        return texts
+
     def numbers(self, name: str) -> list[float]:
         """Return the numbers of a parameter, integers as unsigned; none if it is absent or a text."""
         entry = self.entries.get(name)
@@ -104,30 +113,36 @@ class Parameters:
 class Header:
     """The values of the header, and where everything is.
 
-    size: bytes of the whole file. head: the bytes before the point data, at most 256 KiB. n_analog: analog words per
-    frame. scale: negative for float data, else units per integer step. section, data_start: bytes where the
-    parameters and the first frame are.
+    size: bytes of the whole file. head: its first bytes, at most 256 KiB. n_analog: analog words per frame.
+    n_subframes: samples of an analog channel per frame. scale: negative for float data, else units per integer step.
+    section, section_stop: the bytes from which and up to which the parameters are. data_block: the number of the block
+    of the first frame, from 1. Nothing here is checked but the section: ``layout`` compares it with the parameters.
     """
 
     machine: int
     n_points: int
     n_analog: int
+    n_subframes: int
     first_frame: int
     last_frame: int
     scale: float
     section: int
-    data_start: int
+    section_stop: int
+    data_block: int
     rate: float
     parameters: Parameters
     size: int
     head: bytes = field(repr=False)
 
+    def has_room_at(self, start: int) -> bool:
+        """Whether frames can start at a byte: in the file, not in its header and not where the parameters start."""
+        return BLOCK <= start < self.size and start != self.section
+
 
 def read_header(path: Path) -> Header:
     """Return the header and parameters of a file.
 
-    Raises FormatError, with the byte, when it is no C3D file or when the parameters or the point data cannot
-    be found in it.
+    Raises FormatError, with the byte, when it is no C3D file or when the parameters cannot be found in it.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -139,36 +154,28 @@ def read_header(path: Path) -> Header:
     machine = head[start + MACHINE_BYTE]
     order = ">" if machine == MIPS else "<"
     n_points, n_analog, first, last = struct.unpack_from(f"{order}4H", head, COUNTS_BYTE)
-    (data_block,) = struct.unpack_from(f"{order}H", head, DATA_BLOCK_BYTE)
+    data_block, n_subframes = struct.unpack_from(f"{order}2H", head, DATA_BLOCK_BYTE)
     words = Words(machine=machine, is_float=True)
     scale, rate = (float(words.decode(np.frombuffer(head, words.raw, 1, at))[0]) for at in (SCALE_BYTE, RATE_BYTE))
+    # The section has two ends, that of its own count of blocks, which is one byte, and where the data start.
+    stop = start + max(head[start + BLOCKS_BYTE], 1) * BLOCK
     data_start = (data_block - 1) * BLOCK
-    # The section ends where the data start. Its own count of blocks is used only if that pointer is wrong.
-    stop = data_start if data_start > start else start + max(head[start + BLOCKS_BYTE], 1) * BLOCK
-    parameters = _parse(head[start:stop], machine)
-    if not BLOCK <= data_start < size:
-        claimed = parameters.numbers("POINT:DATA_START")
-        data_start = int(claimed[0] - 1) * BLOCK if claimed and claimed[0] >= 1 else stop
-    if not BLOCK <= data_start < size:
-        raise FormatError(
-            path,
-            f"the header's pointer to the point data must be a block of the file ({size} bytes). "
-            f"Got block {data_block}; the file may be cut off: get it again from its source.",
-            byte=DATA_BLOCK_BYTE,
-        )
+    is_longer = stop < data_start < size
     return Header(
         machine=machine,
         n_points=n_points,
         n_analog=n_analog,
+        n_subframes=n_subframes,
         first_frame=first,
         last_frame=last,
         scale=scale,
         section=start,
-        data_start=data_start,
+        section_stop=stop,
+        data_block=data_block,
         rate=rate,
-        parameters=parameters,
+        parameters=_parse(head[start : data_start if is_longer else stop], machine),
         size=size,
-        head=head[:data_start],
+        head=head,
     )
 
 

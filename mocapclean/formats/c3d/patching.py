@@ -21,9 +21,10 @@ def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
     """Write a copy of the take's own file in which only the words of changed samples differ; return it as stored.
 
     A filled sample gets residual 0, the mark of an interpolated point. A moved sample keeps its residual word, because
-    it is still measured. With ``invalidate``, samples neither trusted nor filled keep their coordinates and get the
-    residual -1. Raises FormatError when a filled position does not fit the file's numbers or the original file has
-    changed; UsageError when the take has not the frames and markers with which it was read.
+    it is still measured; that of an exchanged sample goes with it. With ``invalidate``, samples neither trusted nor
+    filled keep their coordinates and get the residual -1. Raises FormatError when a filled position does not fit the
+    file's numbers or the original file has changed; UsageError when the take has not the frames and markers with which
+    it was read.
     """
     document = _kept_document(take)
     shutil.copyfile(document.path, path)
@@ -35,6 +36,7 @@ def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
             span = slice(start, stop)
             if changed[span].any() or invalid[span].any():
                 raw = document.load(file, start, stop)
+                _exchange_residuals(take, document, raw, start)
                 _patch(take, document, raw, start, positions[span], changed[span])
                 _mark_invalid(document, raw, invalid[span])
                 file.seek(document.data_start + start * document.stride)
@@ -43,7 +45,8 @@ def write(take: Take, path: Path, *, invalidate: bool = False) -> Take:
     lost = take.changed & ~changed
     if not lost.any():
         return replace(take, positions=positions)
-    message = f"{lost.sum()} fills would be stored as 0, 0, 0, which means missing, and were left out."
+    fills = "1 fill" if lost.sum() == 1 else f"{lost.sum()} fills"
+    message = f"{fills} would be stored as 0, 0, 0, which means missing, and left out"
     finding = Finding(rule="write", level="warning", message=message)
     return replace(
         take,
@@ -66,10 +69,11 @@ def prove(take: Take, path: Path) -> None:
         _check_unchanged(document, after)
         for start, stop in document.spans():
             old, new = document.load(before, start, stop), document.load(after, start, stop)
-            span = slice(start, stop)
-            # 1. Changed samples hold the take's positions. 2. All other words of the frames are as they were.
+            # 1. Changed samples hold the take's positions. 2. All other words of the frames are as they were, except
+            # that the residual words of exchanged samples are exchanged.
             _check_changed(take, document, path, new, start, stop)
-            _allow_differences(document, old, new, take.changed[span], ~(take.trusted[span] | take.filled[span]))
+            _exchange_residuals(take, document, old, start)
+            _allow_differences(take, document, old, new, start)
             if not np.array_equal(old, new):
                 frame, word = (int(i[0]) for i in np.nonzero(old != new))
                 at = document.data_start + (start + frame) * document.stride + word * old.itemsize
@@ -136,7 +140,7 @@ def _patch(take: Take, document: C3dDocument, raw: Raw, start: int, positions: F
     storable = present(document.words.decode(patch))
     changed[frames, markers] = storable
     points, columns = document.points(raw), document.marker_points()[markers]
-    moved = take.moved[start + frames, markers]
+    moved = (take.moved & ~take.filled)[start + frames, markers]
     patch[moved, RESIDUAL] = points[frames[moved], columns[moved], RESIDUAL]
     points[frames[storable], columns[storable]] = patch[storable]
     stored = document.words.decode(points[frames, columns])
@@ -155,7 +159,7 @@ def _check_changed(take: Take, document: C3dDocument, path: Path, raw: Raw, star
     stored = document.words.decode(document.points(raw)[frames, document.marker_points()[markers]])
     positions = stored[:, :RESIDUAL].astype(np.float64) * document.factor
     expected = take.positions[start:stop][frames, markers]
-    moved = take.moved[start:stop][frames, markers]
+    moved = (take.moved & ~take.filled)[start:stop][frames, markers]
     bad = ~((positions == expected).all(axis=-1) & present(stored) & (moved | (stored[:, RESIDUAL] == 0)))
     if bad.any():
         first = int(np.argmax(bad))
@@ -167,12 +171,27 @@ def _check_changed(take: Take, document: C3dDocument, path: Path, raw: Raw, star
         )
 
 
-def _allow_differences(document: C3dDocument, old: Raw, new: Raw, changed: Bools, untrusted: Bools) -> None:
-    """Make ``old`` equal ``new`` where they may differ: changed samples, and residuals of -1 of untrusted samples."""
-    columns = document.marker_points()
+def _exchange_residuals(take: Take, document: C3dDocument, raw: Raw, start: int) -> None:
+    """Exchange the residual words of exchanged samples in a run of frames that begins at ``start``, in place."""
+    points, columns = document.points(raw), document.marker_points()
+    for pair in take.exchanged:
+        both = columns[[take.markers.index(pair.first), take.markers.index(pair.second)]]
+        frames = slice(max(pair.start - start, 0), max(pair.stop - start, 0))
+        points[frames, both, RESIDUAL] = points[frames, both[::-1], RESIDUAL]
+
+
+def _allow_differences(take: Take, document: C3dDocument, old: Raw, new: Raw, start: int) -> None:
+    """Make ``old`` equal ``new`` where they may differ in a run of frames that begins at ``start``.
+
+    These are the words of filled samples, the coordinates of moved ones, and residuals of -1 of untrusted ones.
+    """
+    span, columns = slice(start, start + len(old)), document.marker_points()
     before, after = document.points(old), document.points(new)
-    frames, markers = np.nonzero(changed)
+    filled, moved = take.filled[span], take.moved[span]
+    frames, markers = np.nonzero(filled)
     before[frames, columns[markers]] = after[frames, columns[markers]]
+    frames, markers = np.nonzero(moved & ~filled)
+    before[frames, columns[markers], :RESIDUAL] = after[frames, columns[markers], :RESIDUAL]
     is_marked = after[:, document.columns, RESIDUAL] == document.words.encode(INVALID)
-    frames, markers = np.nonzero(untrusted & is_marked)
+    frames, markers = np.nonzero(~(take.trusted[span] | filled) & is_marked)
     before[frames, columns[markers], RESIDUAL] = after[frames, columns[markers], RESIDUAL]

@@ -1,30 +1,38 @@
-"""The points of a C3D file: their names, which of them are markers, their unit, rate and number of frames."""
+"""The points of a C3D file: their names, those that are markers by name, their unit and rate."""
 
 import math
 import re
 from pathlib import Path
 
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats.c3d.header import BLOCK, FRAMES_BYTE, MOST_COUNT, RELATIVE_TOLERANCE, Header, Parameters
+from mocapclean.formats.c3d.header import RELATIVE_TOLERANCE, Header
+from mocapclean.formats.c3d.point_kinds import Kind
 from mocapclean.take import Finding, ReadOptions
-from mocapclean.take.names import bare_name, similar_names
+from mocapclean.take.names import similar_names
 
-NOT_MARKERS = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
-"""Parameters of the group POINT that list points which are computed, not captured (C3D user guide, type groups)."""
-UNLABELLED = re.compile(r"\*\d+")
-"""The name that Vicon software gives to a trajectory without a label."""
-MILLIMETRES = ((r"mm|millim.*", 1.0), (r"cm|centim.*", 10.0), (r"m|mete?|met(er|re)s?", 1000.0))
-"""Spellings of POINT:UNITS, and the millimetres that they stand for."""
+MILLIMETRES = (
+    (r"mm|millim.*", 1.0),
+    (r"cm|centim.*", 10.0),
+    (r"dm|decim.*", 100.0),
+    (r"m|mete?|met(er|re)s?", 1000.0),
+    (r"in\.?|inch(es)?|\"", 25.4),
+    (r"ft\.?|foot|feet|'", 304.8),
+    (r"yd\.?|yards?", 914.4),
+)
+"""Spellings of POINT:UNITS, and the millimetres that they stand for; the inch is 25.4 mm by definition."""
 SHOWN_NAMES = 5
 """Names that a message shows of a longer list."""
 NAME_SIMILARITY = 0.5
 """The least similarity of a suggestion, from 0 to 1 (difflib). Chosen by hand."""
 
 
-def point_names(header: Header) -> tuple[list[str], list[Finding]]:
-    """Return a distinct name for every point, as stored where possible, and a finding for names that were made up."""
-    stored = _all_labels(header.parameters, "LABELS")[: header.n_points]
-    stored += [""] * (header.n_points - len(stored))
+def point_names(header: Header, n_points: int) -> tuple[list[str], list[str], list[Finding]]:
+    """Return the labels and a distinct name for every point, and a finding for names that were made up.
+
+    A name is the label where possible. A point beyond the list of labels has its name as label.
+    """
+    labels = header.parameters.labels("LABELS")[:n_points]
+    stored = labels + [""] * (n_points - len(labels))
     names: list[str] = []
     used, copies, made_up = set(stored), dict[str, int](), []
     seen: set[str] = set()
@@ -38,45 +46,51 @@ def point_names(header: Header) -> tuple[list[str], list[Finding]]:
             made_up.append(name)
         seen.add(name)
         names.append(name)
+    labels += names[len(labels) :]
     if not made_up:
-        return names, []
-    message = f"{len(made_up)} of {header.n_points} labels are empty or repeated and were named {_few(made_up)}."
-    return names, [Finding(rule="labels", message=message)]
+        return labels, names, []
+    are = "is" if len(made_up) == 1 else "are"
+    message = f"{len(made_up)} of {n_points} labels {are} empty or repeated and got a new name: {_few(made_up)}"
+    return labels, names, [Finding(rule="labels", message=message)]
 
 
-def choose_markers(
-    path: Path, header: Header, names: list[str], options: ReadOptions
-) -> tuple[list[int], list[Finding]]:
-    """Return the indices of the points that are markers or were asked for, and a finding for the others.
+def named_markers(path: Path, names: list[str], kinds: list[Kind], options: ReadOptions) -> list[int]:
+    """Return the indices of the points that are markers by their names, or that were asked for.
 
-    Unlabelled points count as markers only in a file that has no others. Raises UsageError for a name in
-    ``options.points`` that no point has, FormatError when nothing is left.
+    Unlabelled points count as markers only in a file that has no others, outputs of a model in one that has not even
+    those. Raises UsageError for a name in ``options.points`` that no point has, FormatError when nothing is left.
     """
     _check_asked(path, names, options)
-    listed = _listed(header.parameters)
-    # A label counts as listed with or without its ``Subject:`` prefix on either side.
-    bare = {bare_name(label) for label in listed if ":" in label}
-    labels = list(enumerate(_all_labels(header.parameters, "LABELS")[: len(names)]))
-    other = {i for i, label in labels if {label, bare_name(label)} & listed or (":" not in label and label in bare)}
-    unlabelled = {i for i, label in labels if UNLABELLED.fullmatch(bare_name(label))}
-    if len(other | unlabelled) < len(names):
-        other |= unlabelled
-    asked = set(options.points)
-    left = [i for i in sorted(other) if names[i] not in asked]
-    chosen = sorted(set(range(len(names))).difference(left))
-    if not chosen:
+    asked = {i for i, name in enumerate(names) if name in options.points}
+    for kind in (Kind.CAPTURED, Kind.UNLABELLED, Kind.MODEL_OUTPUT):
+        found = {i for i, other in enumerate(kinds) if other is kind}
+        if found:
+            return sorted(found | asked)
+    if not asked:
         raise FormatError(
             path,
             f"a take must have markers. Got {len(names)} points that are listed as angles, forces or the like. "
             "Name some with --markers to repair them.",
         )
+    return sorted(asked)
+
+
+def carried_points(names: list[str], kinds: list[Kind], columns: list[int]) -> list[Finding]:
+    """Return a finding that counts and names the points that are no markers."""
+    left = sorted(set(range(len(names))).difference(columns))
     if not left:
-        return chosen, []
-    message = (
-        f"{len(left)} of {len(names)} points are unlabelled or listed as angles, forces or the like and are "
-        f"carried along untouched: {_few([names[i] for i in left])}."
-    )
-    return chosen, [Finding(rule="points", message=message, advice="name them with --markers to repair them.")]
+        return []
+    groups = {kind: [names[i] for i in left if kinds[i] is kind] for kind in Kind}
+    parts = [f"{len(group)} {kind.value} ({_few(group)})" for kind, group in groups.items() if group]
+    are = "is" if len(left) == 1 else "are"
+    message = f"{len(left)} of {len(names)} points {are} carried along untouched: {', '.join(parts)}"
+    return [Finding(rule="points", message=message, advice="name those to repair with --markers")]
+
+
+def unlabelled_take(n_points: int) -> Finding:
+    """Return the finding for a take without any label."""
+    message = f"none of the {n_points} points has a label, so each is judged and filled by its own motion only"
+    return Finding(rule="unlabelled", level="warning", message=message, advice="label them first to use the others")
 
 
 def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:
@@ -90,20 +104,44 @@ def _check_asked(path: Path, names: list[str], options: ReadOptions) -> None:
 
 
 def millimetres_per_unit(header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
-    """Return the millimetres of POINT:UNITS; the option or else 1, with a finding, when it is blank or unknown."""
+    """Return the millimetres of a unit of length, and a finding where that is in doubt.
+
+    The option comes first, then POINT:UNITS, then millimetres.
+    """
     stored = header.parameters.strings("POINT:UNITS")
     unit = next((text for text in stored if text), "")
-    for pattern, factor in MILLIMETRES:
-        if re.fullmatch(pattern, unit.lower()):
-            return factor, []
-    fault = f"POINT:UNITS must be mm, cm or m. Got {unit!r}" if unit else "POINT:UNITS is blank or absent"
+    known = next((factor for pattern, factor in MILLIMETRES if re.fullmatch(pattern, unit.lower())), None)
+    if options.unit is not None:
+        if not unit or known == options.unit:
+            return options.unit, []
+        message = f"POINT:UNITS is {unit!r}, but a unit of {options.unit:g} mm was given (--unit), which was used"
+        return options.unit, [Finding(rule="units", level="warning", message=message)]
+    if known is not None:
+        return known, []
+    fault = f"POINT:UNITS must be a unit of length. Got {unit!r}" if unit else "POINT:UNITS is blank or absent"
     finding = Finding(
         rule="units",
         level="warning",
-        message=f"{fault}; positions are taken as millimetres.",
-        advice="Compare a known distance, such as between two markers on one bone.",
+        message=f"{fault}; positions are taken as millimetres",
+        advice="compare a known distance, such as between two markers on one bone, or give the unit (--unit)",
     )
-    return options.unit or 1.0, [finding]
+    return 1.0, [finding]
+
+
+def step(header: Header, is_float: bool) -> tuple[float, list[Finding]]:
+    """Return the units of length of a step of an integer, 1 for floats, and a finding where two places differ.
+
+    The header comes first, then POINT:SCALE. The sign alone counts for floats: their magnitude is a leftover of the
+    integer form.
+    """
+    if is_float:
+        return 1.0, []
+    stated = [header.scale, *header.parameters.numbers("POINT:SCALE")[:1]]
+    steps = [scale for scale in stated if math.isfinite(scale) and scale > 0]
+    if math.isclose(min(steps), max(steps), rel_tol=RELATIVE_TOLERANCE):
+        return steps[0], []
+    message = f"POINT:SCALE should be the header's scale. Got {steps[1]:g} and {steps[0]:g}, which was used"
+    return steps[0], [Finding(rule="scale", level="warning", message=message, advice="compare a known distance")]
 
 
 def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float, list[Finding]]:
@@ -121,80 +159,8 @@ def frame_rate(path: Path, header: Header, options: ReadOptions) -> tuple[float,
     if len(usable) == len(stored) and math.isclose(min(usable), max(usable), rel_tol=RELATIVE_TOLERANCE):
         return usable[0], []
     message = f"POINT:RATE and the header's rate should agree. Got {', '.join(f'{rate:g}' for rate in stored)}."
-    finding = Finding(rule="rate", level="warning", message=message, advice="If it is wrong, give --rate.")
+    finding = Finding(rule="rate", level="warning", message=message, advice="if it is wrong, give --rate")
     return usable[0], [finding] if len(stored) > 1 else []
-
-
-def count_frames(path: Path, header: Header, stride: int) -> tuple[int, int, list[Finding]]:
-    """Return the number of frames, the number of the first frame, and findings for counts that do not agree.
-
-    A file states its count in up to four places. The first count that fills the file to its last block is right, else
-    the first count that fits in it. A count beyond 16 bits makes counts within 16 bits worthless: they overflowed.
-    stride: bytes per frame. Raises FormatError for no frames, and for a file that ends inside a frame before any
-    count is reached.
-    """
-    n_whole, rest = divmod(header.size - header.data_start, stride)
-    trial_start, trial_stop = (
-        _long(header.parameters.numbers(f"TRIAL:ACTUAL_{end}_FIELD")) for end in ("START", "END")
-    )
-    counts = {
-        "TRIAL:ACTUAL_END_FIELD": trial_stop - trial_start + 1 if trial_stop and trial_start else 0,
-        "POINT:LONG_FRAMES": _long(header.parameters.numbers("POINT:LONG_FRAMES")),
-        "the header": header.last_frame - header.first_frame + 1,
-        "POINT:FRAMES": _long(header.parameters.numbers("POINT:FRAMES")[:1]),
-    }
-    counts = {place: count for place, count in counts.items() if count > 0}
-    exact = [n for n in counts.values() if 0 <= (n_whole - n) * stride + rest <= BLOCK]
-    least = MOST_COUNT + 1 if max(counts.values(), default=0) > MOST_COUNT else 1
-    fitting = exact or [n for n in counts.values() if least <= n <= n_whole]
-    stated = ", ".join(f"{place} has {count}" for place, count in counts.items())
-    if not counts or (not fitting and n_whole == 0):
-        raise FormatError(
-            path, f"a take must have frames. Got none: {stated or 'no place names any'}.", byte=FRAMES_BYTE
-        )
-    if not fitting and rest:
-        raise FormatError(
-            path,
-            f"the file must hold all its frames. Got {n_whole} and a part of one more, while {stated}; it was cut off: "
-            "get it again from its source.",
-            byte=header.data_start + n_whole * stride,
-        )
-    count = fitting[0] if fitting else n_whole
-    is_trial = counts.get("TRIAL:ACTUAL_END_FIELD") == count
-    first_frame = trial_start if is_trial else header.first_frame
-    if not fitting:
-        message = f"The file ends after frame {count} although {stated}; the frames that are there were read."
-        return count, first_frame, [Finding(rule="frames", level="warning", message=message)]
-    if exact and len(set(counts.values())) == 1:
-        return count, first_frame, []
-    message = f"{count} frames were read; the file holds bytes for {n_whole}, and {stated}."
-    return count, first_frame, [Finding(rule="frames", level="info" if exact else "warning", message=message)]
-
-
-def _long(numbers: list[float]) -> int:
-    """Return a count that is stored as one number or as two 16-bit halves, the low half first; 0 if there is none."""
-    if not numbers or not all(math.isfinite(x) and x >= 0 for x in numbers[:2]):
-        return 0
-    return int(numbers[0]) + ((MOST_COUNT + 1) * int(numbers[1]) if len(numbers) > 1 else 0)
-
-
-def _all_labels(parameters: Parameters, name: str) -> list[str]:
-    """Return the labels of POINT:NAME and its continuations POINT:NAME2, POINT:NAME3, ..., which hold 255 each."""
-    labels = parameters.strings(f"POINT:{name}")
-    number = 2
-    while f"POINT:{name}{number}" in parameters.entries:
-        labels += parameters.strings(f"POINT:{name}{number}")
-        number += 1
-    return labels
-
-
-def _listed(parameters: Parameters) -> set[str]:
-    """Return the labels of all points that are listed as something else than captured markers.
-
-    POINT:TYPE_GROUPS holds pairs: the parameter that lists points, and what they are.
-    """
-    groups = [*NOT_MARKERS, *parameters.strings("POINT:TYPE_GROUPS")[::2]]
-    return {label for group in dict.fromkeys(groups) for label in _all_labels(parameters, group.upper())} - {""}
 
 
 def _few(names: list[str]) -> str:

@@ -100,9 +100,13 @@ def present(samples: NDArray[Any]) -> Bools:
     Three marks of a missing sample are in use: a negative residual word, exactly 0, 0, 0, and a coordinate that is
     not finite.
     """
-    x, y, z, residual = (samples[..., i] for i in range(4))
+    return located(samples) & ~(samples[..., 3] < 0)
+
+
+def located(samples: NDArray[Any]) -> Bools:
+    """Return which samples (..., 4) have coordinates, whatever the residual is: finite and not 0, 0, 0."""
+    x, y, z = (samples[..., i] for i in range(3))
     holds: Bools = (x != 0) | (y != 0) | (z != 0)
-    holds &= ~(residual < 0)
     if samples.dtype.kind == "f":
         for coordinate in (x, y, z):
             holds &= np.isfinite(coordinate)
