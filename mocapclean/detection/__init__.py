@@ -121,8 +121,13 @@ def _united(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _common_span(one: Finding, other: Finding) -> tuple[int, int] | None:
-    """Return the span of both findings, if they concern one marker and share more than half of the longer one."""
+    """Return the span of both findings, if they concern one marker and share more than half of the longer one.
+
+    A gap of the file is no doubt, and is united with none.
+    """
     if one.marker is None or one.marker != other.marker or one.frames is None or other.frames is None:
+        return None
+    if "missing" in (one.rule, other.rule):
         return None
     (a, b), (c, d) = one.frames, other.frames
     shared = min(b, d) - max(a, c)

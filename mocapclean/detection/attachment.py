@@ -9,6 +9,8 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.prediction import predict
+from mocapclean.detection.stillness import rests, still_samples
+from mocapclean.detection.steps import SLIDE_SECONDS
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics import interpolation
 
@@ -27,17 +29,36 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     For each window of half a second, the error of the predicted change of position is compared with that of a guess:
     no change, or the velocity before the window, whichever is nearer. The prediction must have the smaller median, or
     less than half of the mean. A change does not depend on where in its segment a marker sits.
+
+    Faults must not hide a segment. Samples that repeat the one before are left out, unless the marker rests in half of
+    them. A marker that fails is tried again without the best step of its place among the others.
     """
-    block = _blocks(trusted)
+    still = still_samples(positions, trusted)
+    judged = trusted & ~(still & ~rests(still, trusted))
+    filled = interpolation.linear(positions, judged)
+    found = _are_attached(filled, judged, rigid, rate, np.ones(len(judged[0]), dtype=bool))
+    left = ~found & (judged.sum(axis=0) > 0)
+    if not left.any():
+        return found
+    slide = round(SLIDE_SECONDS * rate)
+    stepped = predict(filled, judged, rigid, slide=slide, only=left)
+    for step in stepped.steps:
+        filled[step.start :, step.marker] -= stepped.rotation[step.start :, step.marker] @ step.offset
+    return found | _are_attached(filled, judged, rigid, rate, left)
+
+
+def _are_attached(filled: Floats, judged: Bools, rigid: Rigidity, rate: float, only: Bools) -> Bools:
+    """Return which of some markers (M,) are attached, by their judged samples (F, M) of positions (F, M, 3)."""
+    block = _blocks(judged)
     # Samples as predicted by regressions that were learnt from the other blocks.
-    filled = interpolation.linear(positions, trusted)
-    residual = np.full(positions.shape, np.nan)
+    residual = np.full(filled.shape, np.nan)
     for index in range(_BLOCKS):
-        left_out = trusted & (block == index)
-        prediction = predict(filled, trusted & ~left_out, rigid)
+        left_out = judged & (block == index)
+        prediction = predict(filled, judged & ~left_out, rigid, only=only)
         known = left_out & prediction.predicted
         residual[known] = (filled - prediction.positions)[known]
-    return np.array([_is_attached(filled[:, m], residual[:, m], block[:, m], rate) for m in range(trusted.shape[1])])
+    tests = [_is_attached(filled[:, m], residual[:, m], block[:, m], rate) for m in range(len(only))]
+    return np.array(tests) & only
 
 
 def _blocks(trusted: Bools) -> Ints:

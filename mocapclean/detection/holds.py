@@ -9,12 +9,11 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.detection.prediction import Prediction
+from mocapclean.detection.stillness import rests, still_samples
 
 SHORTEST_HOLD = 5  # frames
 LEAST_MOTION = 5.0  # mm, by which the predicted position must move, and the marker leap when it is released
-_STILL = 0.005  # mm per frame, change of a coordinate that counts as none
 _LEAP_RATIO = 2.0  # times its next step that the step of a released marker must be long
-_MOST_STILL = 0.5  # share of a marker's trusted samples that may be still: what rests, rests
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,11 +32,9 @@ def find_holds(positions: Floats, trusted: Bools, prediction: Prediction) -> tup
     A hold lasts 5 frames; then the marker leaps, or goes missing. A marker that is still in half of its trusted samples
     has no holds.
     """
-    still = np.zeros_like(trusted)
-    still[1:] = (np.abs(np.diff(positions, axis=0)) <= _STILL).all(axis=2) & trusted[1:] & trusted[:-1]
-    rests = still.sum(axis=0) >= _MOST_STILL * trusted.sum(axis=0)
+    still = still_samples(positions, trusted)
     holds = []
-    for marker, start, stop in column_runs(still & prediction.predicted & ~rests):
+    for marker, start, stop in column_runs(still & prediction.predicted & ~rests(still, trusted)):
         if stop - start >= SHORTEST_HOLD and _is_released(positions[:, marker], trusted[:, marker], stop):
             predicted = prediction.positions[start - 1 : stop, marker]
             moved = float(np.linalg.norm(predicted - predicted[0], axis=1).max())
