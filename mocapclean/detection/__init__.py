@@ -2,22 +2,24 @@
 
 A rule is a module in ``rules`` and a line in ``RULES``. The module has:
 
-- ``Params``: a frozen dataclass of its parameters, with their defaults;
-- ``examine(evidence, params)``: returns the samples (F, M) that the rule distrusts, and its Findings;
-- ``AFTER_OTHERS = True``, if the rule must see only the samples that the other rules trust.
+- ``Params``: a frozen dataclass of its parameters, with their defaults; ``replace`` is its level (``levels``);
+- ``examine(evidence, params)``: returns the samples (F, M) that the rule doubts, and its Findings;
+- ``AFTER_OTHERS = True``, if the rule must see only the samples that the other rules do not doubt.
 
-``detect`` runs the rules on the same evidence and unites their results. A sample that any rule distrusts is not
-trusted. Where several rules find the same span, the finding of the first in ``RULES`` stays and names the others.
+``detect`` runs the rules on the same evidence and unites their results. A finding acts or is a suspicion. A sample of a
+finding that acts is not trusted; those of a suspicion stay trusted. Where several rules find the same span, one finding
+stays, that of the first in ``RULES`` that acts, and names the others.
 """
 
+import dataclasses
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import replace as dc_replace
 from types import ModuleType
 from typing import Any
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import with_one_boundary
+from mocapclean.detection.levels import REPLACE, Found, levelled
 from mocapclean.detection.rules import (
     bone,
     drift,
@@ -57,21 +59,34 @@ def detect(
     """Return a take in which the samples that a rule distrusts are untrusted, with the findings of the rules.
 
     rules: name -> ``Params`` of the rules to run, unless they are not ``enabled``; None runs all of ``RULES`` with
-    their defaults. fix_swaps: exchange swapped labels back (``moved``) instead of distrusting the samples. Raises
-    UsageError for a name that is not in ``RULES``.
+    their defaults. fix_swaps: exchange swapped labels back (``moved``) instead of reporting them. replace: "sure"
+    distrusts the samples of findings that the level of their rule lets act, "suspicious" those of all findings, and
+    "missing" none. Raises UsageError for a name that is not in ``RULES``, or another choice.
     """
+    if replace not in REPLACE:
+        raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
     params = with_one_boundary(_enabled(rules))
     if fix_swaps and "swap" in params:
         take = swap.undo(Evidence(take), params.pop("swap"))
-    trusted, findings = take.trusted, list[Finding]()
+    # Within the rules every doubt counts, so that those that look after the others find what they leave.
+    evidence, found = Evidence(take), list[Found]()
     for last in (False, True):
-        evidence = Evidence(dc_replace(take, trusted=trusted))
+        given = _after(evidence, found) if last else evidence
         for name in params:
             if getattr(RULES[name], "AFTER_OTHERS", False) == last:
-                distrusted, of_rule = RULES[name].examine(evidence, params[name])
-                trusted = trusted & ~distrusted
-                findings += of_rule
-    return dc_replace(take, trusted=trusted, findings=(*take.findings, *_united(findings)))
+                found.append(Found(params[name], *RULES[name].examine(given, params[name])))
+    found = levelled(found, evidence, replace)
+    findings = _united([finding for each in found for finding in each.findings])
+    trusted = _after(evidence, found).take.trusted
+    return dataclasses.replace(take, trusted=trusted, findings=(*take.findings, *findings))
+
+
+def _after(evidence: Evidence, found: Sequence[Found]) -> Evidence:
+    """Return the evidence of the samples that no finding doubts."""
+    trusted = evidence.take.trusted.copy()
+    for each in found:
+        trusted &= ~each.doubted
+    return Evidence(dataclasses.replace(evidence.take, trusted=trusted))
 
 
 def _enabled(rules: Mapping[str, Any] | None) -> dict[str, Any]:
@@ -84,16 +99,20 @@ def _enabled(rules: Mapping[str, Any] | None) -> dict[str, Any]:
 
 
 def _united(findings: Sequence[Finding]) -> list[Finding]:
-    """Return the findings in which those about the same span of a marker are one, that of the first rule."""
+    """Return the findings in which those about the same span of a marker are one, that of the first rule.
+
+    Findings that act come first, and a suspicion does not add its frames to them.
+    """
     united: list[Finding] = []
     of_marker = defaultdict[str | None, list[int]](list)
-    for finding in findings:
+    for finding in sorted(findings, key=lambda finding: finding.suspicion):
         for index in of_marker[finding.marker]:
             earlier = united[index]
             frames = _common_span(finding, earlier) if finding.rule != earlier.rule else None
             if frames:
                 message = f"{earlier.message}; also found by {finding.rule}"
-                united[index] = dc_replace(earlier, frames=frames, message=message)
+                frames = frames if finding.suspicion == earlier.suspicion else earlier.frames
+                united[index] = dataclasses.replace(earlier, frames=frames, message=message)
                 break
         else:
             of_marker[finding.marker].append(len(united))
@@ -102,8 +121,13 @@ def _united(findings: Sequence[Finding]) -> list[Finding]:
 
 
 def _common_span(one: Finding, other: Finding) -> tuple[int, int] | None:
-    """Return the span of both findings, if they concern one marker and share more than half of the longer one."""
+    """Return the span of both findings, if they concern one marker and share more than half of the longer one.
+
+    A gap of the file is no doubt, and is united with none.
+    """
     if one.marker is None or one.marker != other.marker or one.frames is None or other.frames is None:
+        return None
+    if "missing" in (one.rule, other.rule):
         return None
     (a, b), (c, d) = one.frames, other.frames
     shared = min(b, d) - max(a, c)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
+from mocapclean.detection.attachment import attached
 from mocapclean.detection.attribution import attributed_steps, credible_steps
 from mocapclean.detection.holds import Hold, find_holds, hold_mask
 from mocapclean.detection.marker_paths import Body, MarkerPaths, Round
@@ -33,7 +34,8 @@ class PathAnalysis:
     holds, steps: markers that keep their place, and that sit elsewhere in their segment. residual: (F, M, 3), the
     position less the predicted one in the axes of the segment, with the steps removed, NaN in holds. threshold: the
     innovation above which a frame is a break. deviation: the distance from the path of the marker, 0 on it. bursts: the
-    samples in bursts of noise. predicted: (M,), whether a marker is predicted.
+    samples in bursts of noise. predicted: (M,), whether a marker is predicted. leaps: marker, last frame before and first
+    frame after each leap: a link of a path that nothing explains. breaks: (F, M), the frames at which a path breaks.
     """
 
     holds: tuple[Hold, ...]
@@ -43,11 +45,14 @@ class PathAnalysis:
     deviation: Floats
     bursts: Bools
     predicted: Bools
+    leaps: tuple[tuple[int, int, int], ...]
+    breaks: Bools
 
 
 def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> PathAnalysis:
     """Return the analysis of positions (F, M, 3) with trust (F, M), taken at ``rate`` Hz."""
-    body = Body(rigid, RigidPairs(np.where(trusted[..., None], positions, np.nan), rigid, rate), rate)
+    pairs = RigidPairs(np.where(trusted[..., None], positions, np.nan), rigid, rate)
+    body = Body(rigid, pairs, rate, attached(positions, trusted, rigid, rate))
     given, previous = Round(positions, trusted, ()), trusted
     sliding = np.zeros_like(trusted)
     for index in range(_ROUNDS):
@@ -78,14 +83,16 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
         deviation=paths.deviation,
         bursts=paths.bursts,
         predicted=prediction.predicted,
+        leaps=tuple(paths.leaps),
+        breaks=paths.breaks,
     )
 
 
 def _predicted(given: Round, body: Body, *, with_steps: bool) -> tuple[Prediction, Floats]:
     """Return the prediction of all markers, and the completed positions (F, M, 3) that it was made from."""
-    filled = complete(given.positions, given.usable, body.rigid)
+    filled = complete(given.positions, given.usable, body.rigid, body.attached)
     slide = round(SLIDE_SECONDS * body.rate) if with_steps else None
-    return predict(filled, given.usable, body.rigid, slide=slide), filled
+    return predict(filled, given.usable, body.rigid, slide=slide, only=body.attached), filled
 
 
 def _candidates(credible: list[Step], known: tuple[Step, ...], paths: MarkerPaths) -> list[Step]:

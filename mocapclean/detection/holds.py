@@ -9,12 +9,11 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.detection.prediction import Prediction
+from mocapclean.detection.stillness import rests, still_samples
 
 SHORTEST_HOLD = 5  # frames
 LEAST_MOTION = 5.0  # mm, by which the predicted position must move, and the marker leap when it is released
-_STILL = 0.005  # mm per frame, change of a coordinate that counts as none
 _LEAP_RATIO = 2.0  # times its next step that the step of a released marker must be long
-_MOST_STILL = 0.5  # share of its trusted samples that a hold must be less than: props at rest are no fault
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,14 +29,13 @@ class Hold:
 def find_holds(positions: Floats, trusted: Bools, prediction: Prediction) -> tuple[Hold, ...]:
     """Return the holds in positions (F, M, 3) with trust (F, M).
 
-    A hold lasts 5 frames, but less than half of the trusted ones; then the marker leaps, or is not trusted.
+    A hold lasts 5 frames; then the marker leaps, or goes missing. A marker that is still in half of its trusted samples
+    has no holds.
     """
-    still = np.zeros_like(trusted)
-    still[1:] = (np.abs(np.diff(positions, axis=0)) <= _STILL).all(axis=2) & trusted[1:] & trusted[:-1]
+    still = still_samples(positions, trusted)
     holds = []
-    for marker, start, stop in column_runs(still & prediction.predicted):
-        short = stop - start < _MOST_STILL * np.count_nonzero(trusted[:, marker])
-        if stop - start >= SHORTEST_HOLD and short and _is_released(positions[:, marker], trusted[:, marker], stop):
+    for marker, start, stop in column_runs(still & prediction.predicted & ~rests(still, trusted)):
+        if stop - start >= SHORTEST_HOLD and _is_released(positions[:, marker], trusted[:, marker], stop):
             predicted = prediction.positions[start - 1 : stop, marker]
             moved = float(np.linalg.norm(predicted - predicted[0], axis=1).max())
             if moved >= LEAST_MOTION:
@@ -54,10 +52,13 @@ def hold_mask(holds: tuple[Hold, ...], trusted: Bools) -> Bools:
 
 
 def _is_released(path: Floats, trusted: Bools, frame: int) -> bool:
-    """Whether a trajectory (F, 3) leaps at a frame, by 5 mm and twice its next displacement, or is untrusted or ends
-    there.
+    """Whether a path (F, 3) leaps at a frame, by 5 mm and twice its next step, or goes missing there for a time.
+
+    A marker that is still at the end of the take, or at its own last sample, may rest there.
     """
-    if frame == len(path) or not trusted[frame]:
+    if not trusted[frame:].any():
+        return False
+    if not trusted[frame]:
         return True
     leap = float(np.linalg.norm(path[frame] - path[frame - 1]))
     has_next = frame + 1 < len(path) and trusted[frame + 1]

@@ -6,6 +6,7 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.breaks import break_thresholds, bursts, innovations
@@ -24,16 +25,23 @@ _SUDDEN_REACH = 1  # frames on each side of a sudden step that may not be breaks
 _DISTANCE_SLACK = 3.0  # mm, robust SD of a distance below which partners count as equally rigid
 _RIGID_SD = 10.0  # mm, median robust SD of the distances to the closest partners up to which these can show a step
 _LEAST_AGREEMENT = 0.5  # share of their changes that a step must explain to agree with them
+_SMOOTHED = (
+    11  # frames of the running median that is the guide of a marker without a prediction; 5 faulty do not move it
+)
 _LEAST_CHANGE = 1e-9  # mm, keeps distances that do not change from a division by 0
 
 
 @dataclass(frozen=True)
 class Body:
-    """Facts that stay the same in all rounds: rigidity of all pairs, rigid pairs, and frame rate in Hz."""
+    """The markers' relations, the same in all rounds: rigidity, rigid pairs, the rate in Hz.
+
+    attached: (M,), the markers that move with others.
+    """
 
     rigid: Rigidity
     pairs: RigidPairs
     rate: float
+    attached: Bools
 
 
 @dataclass(frozen=True)
@@ -54,7 +62,8 @@ class MarkerPaths:
     measured: (F, M), the trusted samples outside of holds. positions, residual: (F, M, 3), NaN where not measured.
     threshold: (F, M) mm. breaks, bursts: (F, M). deviation: (F, M) mm, the distance from the path. off_path: (F, M),
     the samples off the path between its first and last frame; samples before and after it may belong to a step. costs:
-    (M,), of the paths, in frames.
+    (M,), of the paths, in frames. leaps: marker, last frame before and first frame after each link of a path that
+    nothing explains.
     """
 
     def __init__(self, given: Round, filled: Floats, prediction: Prediction, measured: Bools, body: Body) -> None:
@@ -66,17 +75,19 @@ class MarkerPaths:
         # Residual in the axes of the segment: r = (x - x̂) R, for row vectors.
         self.residual = ((self.positions - prediction.positions)[..., None, :] @ prediction.rotation)[..., 0, :]
         innovation = innovations(self.positions, self.residual)
-        self.threshold = break_thresholds(innovation, given.usable, prediction.positions)
+        guide = _guide(filled, prediction)
+        self.threshold = break_thresholds(innovation, given.usable, guide)
         self.breaks = innovation > self.threshold
         for step in given.steps:
             self._clear_breaks(self.breaks[:, step.marker], step)
         self.deviation, self.costs = np.zeros(measured.shape), np.zeros(measured.shape[1])
-        self.off_path = np.zeros_like(measured)
+        self.off_path, self.leaps = np.zeros_like(measured), list[tuple[int, int, int]]()
         for marker in np.flatnonzero(self.breaks.any(axis=0)).tolist():
             path = self._deviations(marker, self.residual[:, marker], self.breaks[:, marker])
+            self.leaps += [(marker, *leap) for leap in path.leaps]
             self.deviation[:, marker], self.costs[marker] = path.distance, path.cost
             self.off_path[path.span, marker] = path.distance[path.span] > 0
-        self.bursts = bursts(innovation, given.usable, prediction.positions) & measured
+        self.bursts = bursts(innovation, given.usable, guide) & measured
 
     def refined(self, step: Step) -> Step:
         """Return a step moved to the frame of its largest rise, with the changed rigid pairs and the agreement of
@@ -167,3 +178,11 @@ class MarkerPaths:
         """Clear, in place, the breaks (F,) caused by a step: within a frame of a sudden one, or throughout a slide."""
         reach = _SUDDEN_REACH if step.sudden else self.half_slide
         breaks[max(0, step.start - reach) : step.start + reach + 1] = False
+
+
+def _guide(filled: Floats, prediction: Prediction) -> Floats:
+    """Return positions (F, M, 3) whose acceleration is the marker's own motion: predicted, or else its smoothed path."""
+    guide, alone = prediction.positions.copy(), ~prediction.predicted
+    if alone.any():
+        guide[:, alone] = median_filter(filled[:, alone], size=(_SMOOTHED, 1, 1), mode="nearest")
+    return guide

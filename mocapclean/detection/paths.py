@@ -7,6 +7,7 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -30,12 +31,14 @@ class Deviations:
     """The samples of one marker off its path.
 
     distance: (F,) mm, 0 on the path and within the threshold of it. span: the frames from the first to the last of the
-    path. cost: in frames, the samples off the path plus the costs of its links and ends.
+    path. cost: in frames, the samples off the path plus the costs of its links and ends. leaps: the frames before and
+    after each link of the path that nothing explains.
     """
 
     distance: Floats
     span: slice
     cost: float
+    leaps: tuple[tuple[int, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,18 @@ def deviations(
         nearest = np.minimum(nearest, np.linalg.norm(residual[left_out] - np.stack(line, axis=1), axis=1))
     distance[left_out] = np.where(nearest > threshold[left_out], nearest, 0.0)
     span = slice(int(kept[0]), int(kept[-1]) + 1)
-    return Deviations(distance, span, float(np.count_nonzero(distance) + chain_cost))
+    leaps = _leaps(segments[chain[segments[:, 0]]], segments, links)
+    return Deviations(distance, span, float(np.count_nonzero(distance) + chain_cost), leaps)
+
+
+def _leaps(chain: Ints, segments: Ints, links: "_Links") -> tuple[tuple[int, int], ...]:
+    """Return the last frame before and the first after each link of a chain of segments (n, 2) with a cost."""
+    place = np.searchsorted(segments[:, 0], chain[:, 0])
+    leaps = []
+    for earlier, later in pairwise(place.tolist()):
+        if links.costs(later, np.array([earlier]))[0] > 0:
+            leaps.append((int(segments[earlier, 1]) - 1, int(segments[later, 0])))
+    return tuple(leaps)
 
 
 def _widened(breaks: Bools) -> Bools:

@@ -50,10 +50,10 @@ def predict(
 
     positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
     step, in frames; None searches for no steps. A marker with fewer than 3 partners or 10 usable frames is not
-    predicted: its predicted position is the mean of all markers.
+    predicted: its predicted position is its mean place in all frames, so that its residual is its own path.
     """
     n_frames, n_markers = usable.shape
-    predicted_positions = np.repeat(positions.mean(axis=1, keepdims=True), n_markers, axis=1)
+    predicted_positions = np.repeat(positions.mean(axis=0, keepdims=True), n_frames, axis=0)
     rotation = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3)).copy()
     residual = positions - predicted_positions
     neighbours = _Neighbours.of(rigid)
@@ -81,15 +81,17 @@ def predict(
     return Prediction(predicted_positions, residual, rotation, predicted, tuple(steps))
 
 
-def complete(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
+def complete(positions: Floats, usable: Bools, rigid: Rigidity, attached: Bools | None = None) -> Floats:
     """Return positions (F, M, 3) in which samples that are not usable (F, M) are replaced.
 
-    By the predicted position plus the residual interpolated over the gap; without a prediction, by interpolation.
+    By the predicted position plus the residual interpolated over the gap; by interpolation for markers that are not
+    attached (M,) to others, or not predicted. All are attached if None is given.
     """
     interpolated = interpolation.linear(positions, usable)
     if usable.all():
         return interpolated
-    prediction = predict(interpolated, usable, rigid, only=np.asarray(~usable.all(axis=0)))
+    with_gaps = np.asarray(~usable.all(axis=0))
+    prediction = predict(interpolated, usable, rigid, only=with_gaps if attached is None else with_gaps & attached)
     residual = interpolation.linear(prediction.residual, usable)
     completed = prediction.positions + (prediction.rotation @ residual[..., None])[..., 0]
     replaced = ~usable & prediction.predicted & usable.any(axis=0)

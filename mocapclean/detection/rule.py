@@ -1,8 +1,9 @@
-"""The parts that all rules share: their switch, and one finding for each run of samples that they distrust."""
+"""The parts that all rules share: their switch and level, and one finding for each run of samples that they doubt."""
 
 from collections.abc import Callable, Iterator
-from typing import Annotated
+from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass
 
@@ -10,15 +11,23 @@ from mocapclean.arrays import Bools, column_runs
 from mocapclean.parameters import STRICT
 from mocapclean.take import Finding, Take
 
+LONGEST_REPLACED = 0.25  # s, longest excursion that is distrusted where the path encloses it
+
 Ruling = tuple[Bools, tuple[Finding, ...]]
-"""The result of a rule: the samples (F, M) that it distrusts, and its findings."""
+"""The result of a rule: the samples (F, M) that it doubts, and its findings."""
+
+Level = Literal["always", "enclosed", "never"]
+"""Which findings of a rule distrust their samples; the others are suspicions."""
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
 class Switch:
-    """The parameter of every rule that can be switched off."""
+    """The parameters of every rule that can be switched off."""
 
     enabled: Annotated[bool, Field(description="whether the rule runs")] = True
+    replace: Annotated[
+        Level, Field(description="whose findings distrust samples: all, those that the path encloses, or none")
+    ] = "never"
 
 
 def duration(start: int, stop: int) -> str:
@@ -29,7 +38,7 @@ def duration(start: int, stop: int) -> str:
 def findings(
     rule: str, take: Take, distrusted: Bools, message: Callable[[int, int, int], str], advice: str
 ) -> Iterator[Finding]:
-    """Yield a finding for each run of distrusted samples (F, M).
+    """Yield a finding for each run of doubted samples (F, M).
 
     ``message`` takes the column of the marker and the half-open span of frames.
     """
@@ -42,3 +51,18 @@ def findings(
             message=message(marker, start, stop),
             advice=advice,
         )
+
+
+def leap(rule: str, take: Take, marker: int, frames: tuple[int, int], message: str, advice: str) -> Finding:
+    """Return a suspicion about a step of a marker between two frames, of which neither side is known to be wrong."""
+    before, after = frames
+    size = float(np.linalg.norm(take.positions[after, marker] - take.positions[before, marker]))
+    return Finding(
+        rule=rule,
+        level="warning",
+        marker=take.markers[marker],
+        frames=(before, after + 1),
+        message=f"moves {size:.0f} mm within {'one frame' if after - before == 1 else f'{after - before} frames'} and {message}",
+        advice=advice,
+        suspicion=True,
+    )

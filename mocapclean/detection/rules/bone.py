@@ -35,11 +35,11 @@ class Params(Switch):
 def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) out of range of most of their rigid partners, and their findings."""
     take, rigid = evidence.take, evidence.rigid
-    positions = np.where(take.trusted[..., None], take.positions, np.nan)
+    positions = np.where(evidence.plausible[..., None], take.positions, np.nan)
     residual = np.linalg.norm(evidence.analysis.residual, axis=2)
     broken = np.zeros_like(take.trusted)
     largest = np.zeros(take.trusted.shape)
-    for marker in range(len(take.markers)):
+    for marker in np.flatnonzero(evidence.analysis.predicted).tolist():
         partners = [p for p in rigid.partners(marker)[0] if rigid.spread[marker, p] <= params.rigid]
         if len(partners) < _FEWEST_DISTANCES:
             continue

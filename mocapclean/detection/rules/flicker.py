@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, duration, findings
+from mocapclean.detection.rule import LONGEST_REPLACED, Level, Ruling, Switch, duration, findings
 from mocapclean.parameters import STRICT
 
 
@@ -20,6 +20,10 @@ from mocapclean.parameters import STRICT
 class Params(Switch):
     """The parameters of the rule."""
 
+    replace: Annotated[Level, Field(description="whose findings distrust samples")] = "enclosed"
+    longest_replaced: Annotated[
+        float, Field(ge=0, description="seconds; a longer one is a suspicion even where the path encloses it")
+    ] = LONGEST_REPLACED
     shortest: Annotated[int, Field(ge=3, description="frames")] = 3
 
 

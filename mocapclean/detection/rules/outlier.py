@@ -11,7 +11,7 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, duration, findings
+from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
 from mocapclean.parameters import STRICT
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
@@ -23,6 +23,7 @@ AFTER_OTHERS = True
 class Params(Switch):
     """The parameters of the rule."""
 
+    replace: Annotated[Level, Field(description="whose findings distrust samples")] = "always"
     enabled: Annotated[bool, Field(description="whether the rule runs")] = False
     method: Annotated[Literal["tsmc", "trnn"], Field(description="method whose sparse part counts")] = "tsmc"
     sparsity: Annotated[float, Field(gt=0, description="λ √max(F, 3M), 1, weight of the sparse part")] = 100.0

@@ -13,7 +13,7 @@ from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import LEAST_EXCURSION, LONGEST_SPIKE, examine_excursions
-from mocapclean.detection.rule import Ruling, Switch
+from mocapclean.detection.rule import Level, Ruling, Switch
 from mocapclean.parameters import STRICT
 
 
@@ -21,6 +21,7 @@ from mocapclean.parameters import STRICT
 class Params(Switch):
     """The parameters of the rule."""
 
+    replace: Annotated[Level, Field(description="whose findings distrust samples")] = "enclosed"
     longest: Annotated[int, Field(ge=1, description="frames; a longer excursion is a jump")] = LONGEST_SPIKE
     least: Annotated[float, Field(ge=LEAST_EXCURSION, description="mm off the path")] = LEAST_EXCURSION
 

@@ -2,7 +2,7 @@
 
 Purpose and name: Feng et al. 2014, "Exploiting temporal stability and low-rank structure for motion capture data
 refinement", Information Sciences 277, doi:10.1016/j.ins.2014.03.013; Wang et al. 2016 set its threshold to 6 cm. The
-published decision rule was not available. This reconstruction has four steps:
+published decision rule was not available. This reconstruction has five steps:
 
 0.  The motion of the whole body, the running sum of the median displacement of all markers, is subtracted.
 1.  Each marker's trajectory is cut at missing samples, and where both ‖x_t - x_{t-1}‖ and ‖x_t - 2x_{t-1} + x_{t-2}‖
@@ -11,11 +11,14 @@ published decision rule was not available. This reconstruction has four steps:
     the threshold per frame of where that ends, or of the extrapolation from either at constant velocity. Two segments
     of more than a second each can always follow each other, because nothing shows which of them is at fault.
 3.  A sample within the threshold of the smooth curve (PCHIP) through the chain is trusted again.
+4.  Samples before or after the whole chain are not distrusted, however long it is: nothing returns from there, and a
+    first pose is no fault. The leap from them to the chain is reported, and so is one between two long segments.
 
 The threshold is a distance per frame at 120 Hz; steps 1 and 2 scale it by 120 / rate. The rule runs after the other
 rules, on the samples that they trust: it cannot distinguish a fault from the samples before or after it.
 """
 
+from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -25,10 +28,11 @@ from scipy.interpolate import PchipInterpolator
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, duration, findings
+from mocapclean.detection.rule import Ruling, Switch, duration, findings, leap
 from mocapclean.detection.segments import SegmentEnds, best_chain, cut_segments
 from mocapclean.numerics.robust import nan_median
 from mocapclean.parameters import STRICT
+from mocapclean.take import Finding
 
 AFTER_OTHERS = True
 _RATE = 120.0  # Hz, frame rate that the threshold is given for, as in Wang et al. 2016
@@ -46,21 +50,25 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) that no chain of plausible motion reaches, and their findings."""
     take = evidence.take
     threshold = params.distance * _RATE / take.rate
-    positions = np.where(take.trusted[..., None], take.positions, np.nan)
+    judged = evidence.plausible & ~take.detached
+    positions = np.where(judged[..., None], take.positions, np.nan)
     relative = positions - _body_motion(positions)[:, None]
     distrusted = np.zeros_like(take.trusted)
-    cuts = _cuts(relative, take.trusted, threshold)
-    for marker in np.flatnonzero(cuts.any(axis=0)):
-        valid = take.trusted[:, marker]
+    cuts, leaps = _cuts(relative, judged, threshold), list[Finding]()
+    for marker in np.flatnonzero(cuts.any(axis=0)).tolist():
+        valid, path = judged[:, marker], relative[:, marker]
         segments = cut_segments(valid, cuts[:, marker])
-        chain = _chain(relative[:, marker], segments, threshold, params.longest * take.rate)
-        distrusted[:, marker] = valid & ~_readmitted(relative[:, marker], chain, valid, params.distance)
+        chain, unreachable = _chain(path, segments, threshold, params.longest * take.rate)
+        distrusted[:, marker] = _between(chain) & valid & ~_readmitted(path, chain, valid, params.distance)
+        for frames in (*unreachable, *_ends(chain, valid)):
+            text = f"cannot at {threshold:.0f} mm per frame: nothing shows which side is right"
+            leaps.append(leap("tdd", take, marker, frames, text, "look at these frames"))
 
     def message(marker: int, start: int, stop: int) -> str:
         return f"not reachable from the rest of its path at {threshold:.0f} mm per frame {duration(start, stop)}"
 
     advice = "look at these frames; raise trust.tdd.distance if the motion is real"
-    return distrusted, tuple(findings("tdd", take, distrusted, message, advice))
+    return distrusted, (*findings("tdd", take, distrusted, message, advice), *leaps)
 
 
 def _body_motion(positions: Floats) -> Floats:
@@ -100,21 +108,43 @@ def _forward_cuts(positions: Floats, valid: Bools, threshold: float) -> Bools:
     return jump & (last_unpredicted > last_calm)
 
 
-def _chain(path: Floats, segments: Ints, threshold: float, longest: float) -> Bools:
+def _chain(path: Floats, segments: Ints, threshold: float, longest: float) -> tuple[Bools, list[tuple[int, int]]]:
     """Return the frames (F,) of the longest chain of segments in which each can follow the one before.
 
-    longest: in frames; two longer segments can always follow each other.
+    longest: in frames; two longer segments can always follow each other. Also the last frame before and the first after
+    each link of such segments that the motion does not explain.
     """
     starts, stops = segments.T
     ends, long = SegmentEnds.of(path, segments), stops - starts > longest
 
-    def link_costs(segment: int, earlier: Ints) -> Floats:
+    def reached(segment: int, earlier: Ints) -> Bools:
         gap = starts[segment] - (stops[earlier] - 1)
         misses = np.linalg.norm(ends.misses(segment, earlier, gap), axis=2)
-        follows = (misses <= threshold * gap).any(axis=0) | (long[segment] & long[earlier])
-        return np.where(follows, 0.0, np.inf)
+        return np.asarray((misses <= threshold * gap).any(axis=0))
 
-    return best_chain(segments, len(path), link_costs)[0]
+    def link_costs(segment: int, earlier: Ints) -> Floats:
+        return np.where(reached(segment, earlier) | (long[segment] & long[earlier]), 0.0, np.inf)
+
+    chain = best_chain(segments, len(path), link_costs)[0]
+    links = pairwise(np.flatnonzero(chain[starts]).tolist())
+    return chain, [
+        (int(stops[earlier]) - 1, int(starts[later]))
+        for earlier, later in links
+        if not reached(later, np.array([earlier]))[0]
+    ]
+
+
+def _between(chain: Bools) -> Bools:
+    """Return the frames (F,) from the first to the last of a chain (F,)."""
+    return np.asarray(np.logical_or.accumulate(chain) & np.logical_or.accumulate(chain[::-1])[::-1])
+
+
+def _ends(chain: Bools, valid: Bools) -> list[tuple[int, int]]:
+    """Return the frames before and after the leaps from valid samples (F,) to a chain (F,), at its ends."""
+    first, last = np.flatnonzero(chain)[[0, -1]].tolist()
+    before, after = np.flatnonzero(valid[:first]), np.flatnonzero(valid[last + 1 :])
+    ends = [(int(before[-1]), first)] if before.size else []
+    return ends + ([(last, last + 1 + int(after[0]))] if after.size else [])
 
 
 def _readmitted(path: Floats, chain: Bools, valid: Bools, distance: float) -> Bools:

@@ -2,8 +2,9 @@
 
 Size: the median distance of a marker to the one a quarter of all markers away. It is 100 to 500 mm for a body, whatever
 else is in sight; takes of fewer than ten markers have no size. Speed: the 99th percentile over all samples. Findings
-about size and speed concern the whole take and distrust nothing. A sample more than 100 km from the median of all
-comes from a damaged file; it is distrusted, and the other rules do not use it.
+about size and speed concern the whole take and distrust nothing. A sample more than 50 m from the median of all, in
+a coordinate, is no measurement but a sentinel or a damaged number: captures reach 5 m. The distance is 30 times the
+median one where that is more, as in a take whose unit is wrong. It is distrusted, and the other rules do not use it.
 """
 
 from dataclasses import replace
@@ -14,8 +15,8 @@ from pydantic import Field
 from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import evenly_spaced
-from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Ruling, Switch, duration, findings
+from mocapclean.detection.evidence import FARTHEST, Evidence
+from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
 from mocapclean.parameters import STRICT
 from mocapclean.take import Finding, Take
 
@@ -30,6 +31,7 @@ _SPEED_SHARE = 0.99  # quantile of the speeds that is the speed of a take
 class Params(Switch):
     """The parameters of the rule."""
 
+    replace: Annotated[Level, Field(description="whose findings distrust samples")] = "always"
     smallest: Annotated[float, Field(gt=0, description="mm, least size of a body")] = 70.0
     largest: Annotated[float, Field(gt=0, description="mm, largest size of a body")] = 1200.0
     fastest: Annotated[float, Field(gt=0, description="mm/s, largest speed")] = 30000.0
@@ -52,7 +54,7 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     of_take = [Finding(rule="units", level="error", message=f"the take {text}", advice=advice) for text in texts]
 
     def message(marker: int, start: int, stop: int) -> str:
-        return f"more than 100 km from the other markers {duration(start, stop)}"
+        return f"more than {FARTHEST / 1e3:.0f} m from the other markers {duration(start, stop)}"
 
     return far, (*of_take, *findings("units", evidence.take, far, message, "look for what damaged the file"))
 
