@@ -3,6 +3,8 @@
 A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
@@ -83,12 +85,18 @@ def training_frames(known: Bools, missing_share: Floats, most: int) -> tuple[Int
 
 
 def window_starts(
-    known: Bools, missing_share: Floats, length: int, n_windows: int, edges: tuple[int, int]
+    known: Bools,
+    missing_share: Floats,
+    length: int,
+    n_windows: int,
+    edges: tuple[int, int],
+    alike: Callable[[Ints, int], Bools] | None = None,
 ) -> tuple[Ints, int]:
     """Return the first frames of up to ``n_windows`` windows, and their length: ``length``, or less where few fit.
 
     known and missing_share (F,) are those of ``training_frames``. A window is a stretch in which the marker is known,
-    together with ``edges`` frames before and after it.
+    together with ``edges`` frames before and after it. alike: which windows, of first frames (n,) and a length,
+    resemble the gap; only these are used where they are enough.
     """
     before, after = edges
     # Prefix sums: entry b less entry a is the sum over the frames a to b - 1.
@@ -102,7 +110,9 @@ def window_starts(
             mean = (missing[starts + length] - missing[starts]) / length
             rank = min(MIN_CANDIDATES * length, len(starts)) - 1
             starts = starts[mean <= max(MAX_WINDOW_MISSING, np.partition(mean, rank)[rank])]
-        starts = spread_out(starts, n_windows, max(int(WINDOW_SPACING * length), MIN_WINDOW_SPACING))
+        spacing = max(int(WINDOW_SPACING * length), MIN_WINDOW_SPACING)
+        resembling = spread_out(starts[alike(starts, length)], n_windows, spacing) if alike else starts[:0]
+        starts = resembling if len(resembling) >= MIN_WINDOWS else spread_out(starts, n_windows, spacing)
         if len(starts) >= MIN_WINDOWS:
             break
         length //= 2
