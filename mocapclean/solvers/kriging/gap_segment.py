@@ -28,12 +28,13 @@ from mocapclean.solvers.kriging.take_state import TakeState
 ADJACENT_REACH = 1.0 / 3.0  # s on each side of a gap in which samples are sought to bridge it from
 WINDOW_EDGE = 5  # frames at 120 Hz in which the marker is also known, on each bridged side of a window
 HELD_OUT_MARGIN = 3  # frames around a window that are held out of the regression with it
+AT_REST = 0b111  # the kind of a gap beside which the marker rests, on both sides at one place
 CLEARLY_BETTER = 4.0
 """Ratio of mean square errors in windows from which a gap is predicted from the marker's own path alone.
 
 With 2 the co-occluded gaps of ten takes of `mocapclean bench markers` became worse, with 4 they did not.
 """
-LONGEST_MIXED = 1.0 / 12.0
+LONGEST_MIXED = 0.1
 """Longest gap, s, in which the own path is stacked with the predictors that follow neighbours.
 
 In gaps of up to 10 frames at 120 Hz it took off 12 % of the error on ten takes, and it added to that of longer ones.
@@ -70,13 +71,13 @@ class GapSegment:
         self.known = state.known[:, marker]
         self.hinge_ends = find_ends(state.distances, marker, self.neighbours)
         self.incomplete_training = False
-        # The adjacent samples, and whether the marker is at rest beside the segment.
+        # The frames of the adjacent samples, the frames that windows need beside them, and the samples.
         reach, bridgeable = max(1, round(ADJACENT_REACH * state.rate)), self.known | self._well_filled()
         self.before, self.after = adjacent_frames(bridgeable, start, stop, reach, state.rate)
         edge = max(1, round(WINDOW_EDGE * state.rate / REFERENCE_RATE))
         self.edges = edge * (len(self.before) > 0), edge * (len(self.after) > 0)
-        self.rest = Rest(state.positions[:, marker], self.known, state.params.rigidity)
-        self.beside = state.positions[np.append(self.before[: self.edges[0]], self.after[: self.edges[1]]), marker]
+        self.rest = Rest(state.positions[:, marker], self.known, state.rate, state.params.rigidity)
+        self.beside = state.positions[self.before, marker], state.positions[self.after, marker]
 
     def fill(self) -> tuple[Floats, Floats] | None:
         """Return positions (L, 3) and SD (L,) per coordinate, mm; None without evidence or enough known samples."""
@@ -85,10 +86,13 @@ class GapSegment:
         evidence = self._evidence(resembling=False)
         if not evidence.own_path:
             return self._combined(evidence.plan, evidence.following)
-        at_rest = self.rest.are_at_rest(self.beside)
+        at_rest = self.rest.kind(*self.beside) == AT_REST
         if at_rest or self._advantage(evidence) >= CLEARLY_BETTER:
             # The marker may stay, or move on as it did: judge by the windows that resemble the gap.
             alike = self._evidence(resembling=True)
+            if at_rest:
+                # It stays: a curve through later samples would take part in a move after the gap.
+                alike = alike._replace(own_path=alike.own_path[:1])
             if self._advantage(alike) >= CLEARLY_BETTER:
                 return self._moving_more(alike.plan, self._combined(alike.plan, alike.own_path))
         short = self.stop - self.start <= round(LONGEST_MIXED * self.state.rate)
@@ -108,13 +112,18 @@ class GapSegment:
     def _moving_more(
         self, plan: SamplingPlan, answer: tuple[Floats, Floats] | None
     ) -> tuple[Floats, Floats] | None:
-        """Return an answer with the SD that grows where the marker moves more across the gap than across windows."""
+        """Return an answer with an SD that grows where the marker moves more across the gap than across windows.
+
+        It grows in proportion, up to the RMS distance of the samples on both sides from their mean.
+        """
         if answer is None or not len(plan.windows):
             return answer
         length, floor = int(plan.inside[-1]) + 1, self.state.params.noise**2
-        in_windows = self.rest.variance(plan.windows[:, 0], length, self.edges).mean()
-        in_gap = np.square(self.beside - self.beside.mean(axis=0)).sum(axis=1).mean()
-        return answer[0], answer[1] * np.sqrt(max(1.0, (in_gap + floor) / (in_windows + floor)))
+        in_windows = float(np.median(self.rest.variances(plan.windows[:, 0], length, self.edges)))
+        in_gap = self.rest.variance(*self.beside)
+        positions, sd = answer
+        widened = sd * np.sqrt(max(1.0, (in_gap + floor) / (in_windows + floor)))
+        return positions, np.minimum(widened, np.maximum(sd, np.sqrt(in_gap)))
 
     def _evidence(self, *, resembling: bool) -> Evidence:
         """Return the results of all predictors; resembling: on windows that resemble the gap, if there are enough."""
@@ -142,11 +151,11 @@ class GapSegment:
     def _plan(self, resembling: bool) -> SamplingPlan:
         """Return the frames to learn, test and bridge from, where possible frames in which all neighbours are known."""
         state, n_frames = self.state, len(self.known)
-        missing_share, at_rest = self._missing_share(), self.rest.are_at_rest(self.beside)
+        missing_share, kind = self._missing_share(), self.rest.kind(*self.beside)
 
         def alike(starts: Ints, length: int) -> Bools:
-            """Return the windows that resemble the gap: the marker rests beside both or beside neither."""
-            return self.rest.at(starts, length, self.edges) == at_rest
+            """Return the windows that resemble the gap."""
+            return np.asarray(self.rest.kinds(starts, length, self.edges) == kind, dtype=bool)
 
         # Windows are bridged from the same sides as the gap.
         length, most = self.stop - self.start, state.params.windows
