@@ -25,8 +25,7 @@ MIN_CANDIDATES = 2  # times the window length, candidate windows that are kept a
 MIN_WINDOWS = 3  # windows; where fewer fit, their length is halved
 SHORTEST_ALIKE = 4  # part of a gap's length, the shortest windows that are sought to resemble it; chosen by hand
 WINDOW_SPACING = 0.3  # of the window length, the least distance between the first frames of two windows
-MIN_SHORTEST_ALIKE = 4  # part of a gap's length, the shortest windows that are sought to resemble it; chosen by hand
-WINDOW_SPACING = 5  # frames, the same where windows are short
+MIN_WINDOW_SPACING = 5  # frames, the same where windows are short
 MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced from ten to save time
 
 
