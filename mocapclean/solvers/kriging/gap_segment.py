@@ -6,6 +6,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.solvers.kriging.bridging import PlanBridges
+from mocapclean.solvers.kriging.extrapolation import pose_growth
 from mocapclean.solvers.kriging.frame_selection import (
     MIN_TRAINING,
     REFERENCE_RATE,
@@ -39,6 +40,7 @@ LONGEST_MIXED = 0.1
 
 In gaps of up to 10 frames at 120 Hz it took off 12 % of the error on ten takes, and it added to that of longer ones.
 """
+EQUAL_POSES = 10.0  # times the noise parameter (0.3 mm), change of pose below which poses count as equal; by hand
 MAX_REUSED_VARIANCE = 0.25  # of the mean variance of the segment, up to which a filled sample is bridged from
 
 
@@ -85,7 +87,7 @@ class GapSegment:
             return None
         evidence = self._evidence(resembling=False)
         if not evidence.own_path:
-            return self._combined(evidence.plan, evidence.following)
+            return self._following(evidence)
         at_rest = self.rest.kind(*self.beside) == AT_REST
         if at_rest or self._advantage(evidence) >= CLEARLY_BETTER:
             # The marker may stay, or move on as it did: judge by the windows that resemble the gap.
@@ -96,8 +98,19 @@ class GapSegment:
             if self._advantage(alike) >= CLEARLY_BETTER:
                 return self._moving_more(alike.plan, self._combined(alike.plan, alike.own_path))
         short = self.stop - self.start <= round(LONGEST_MIXED * self.state.rate)
-        mixed = short and self._advantage(evidence) > 1.0
-        return self._combined(evidence.plan, evidence.following + evidence.own_path * mixed)
+        if short and self._advantage(evidence) > 1.0:
+            return self._combined(evidence.plan, evidence.following + evidence.own_path)
+        return self._following(evidence)
+
+    def _following(self, evidence: Evidence) -> tuple[Floats, Floats] | None:
+        """Return the stacked answer of the neighbours, less sure in poses unlike those that it was learnt from."""
+        plan, answer = evidence.plan, self._combined(evidence.plan, evidence.following)
+        length = int(plan.inside[-1]) + 1
+        if answer is None or length >= len(plan.gap):
+            return answer
+        neighbours, known = self.state.positions[:, self.neighbours], np.flatnonzero(self.known)
+        floor = EQUAL_POSES * self.state.params.noise
+        return answer[0], answer[1] * np.sqrt(pose_growth(neighbours, known, plan.gap, length, floor))
 
     def _combined(self, plan: SamplingPlan, results: list[KrigingResult]) -> tuple[Floats, Floats] | None:
         """Return the stacked answer of some results; None without any."""
@@ -114,11 +127,13 @@ class GapSegment:
     ) -> tuple[Floats, Floats] | None:
         """Return an answer with an SD that grows where the marker moves more across the gap than across windows.
 
-        It grows in proportion, up to the RMS distance of the samples on both sides from their mean.
+        It grows in proportion, up to the RMS distance of the samples on both sides from their mean. Where windows are
+        shorter than the gap the SD grows with the length: what moves on moves farther.
         """
         if answer is None or not len(plan.windows):
             return answer
         length, floor = int(plan.inside[-1]) + 1, self.state.params.noise**2
+        answer = answer[0], answer[1] * np.sqrt(len(plan.gap) / length)
         in_windows = float(np.median(self.rest.variances(plan.windows[:, 0], length, self.edges)))
         in_gap = self.rest.variance(*self.beside)
         positions, sd = answer
