@@ -20,6 +20,7 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
+from mocapclean.geometry.distances import mean_distances
 from mocapclean.parameters import STRICT, About
 from mocapclean.take import Solution, Take
 
@@ -30,6 +31,8 @@ MARGIN = 2  # frames between a hidden gap and the next gap or the end of the tak
 SHIFTS = 24  # shifts that are compared for one copy of the pattern; chosen by hand, no sweep was kept
 COPIES = 8  # most copies of the pattern that are hidden, the first of gaps at the ends; chosen by hand
 SEGMENTS = 16  # parts of equal length that a take is divided into, to spread the hidden gaps over it; chosen by hand
+EXACT_SD = 0.01  # mm, SD of a distance below which one point follows another exactly; as in `mocapclean bench markers`
+DISTANCE_FRAMES = 600  # most frames from which the SD of a distance is computed; as there
 # The fractional parts of its multiples are evenly spread over 0 to 1 for any number of them (the golden ratio less 1).
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
@@ -56,24 +59,33 @@ class Params:
 class HiddenGaps:
     """The result of a method on hidden gaps.
 
-    gaps, samples: their number, and that of the samples in them. error: over the samples that were filled; None without
-    any. covered: the share of their coordinates within the method's own 90 % intervals; None without intervals.
+    missing: samples of the real gaps that these stand for. gaps, samples: the number of hidden gaps, and that of the
+    samples in them. error: over the samples that were filled; None without any. covered: the share of their coordinates
+    within the method's own 90 % intervals; None without intervals. expected: the 3D error, mm, that the method expects
+    of these samples; None without error bars. factor: how many times wider the error bars of the real gaps are made
+    than the method gives them, at least 1.
     """
 
+    missing: int = 0
     gaps: int = 0
     samples: int = 0
     error: Error | None = None
     covered: float | None = None
+    expected: float | None = None
+    factor: float = 1.0
 
 
 @plain_dataclass(frozen=True, kw_only=True)
 class SelfCheck:
     """The errors of a method on hidden samples of a take: in total, and by length of gap.
 
-    because: the reason where nothing was measured, or "".
+    represented: the share of the real missing samples whose length class was measured; the total stands for these only.
+    ``by_length`` has every class that the real gaps have, also those of which nothing could be hidden. because: the
+    reason where nothing was measured, or "".
     """
 
     rounds: int = 0
+    represented: float = 0.0
     total: HiddenGaps = HiddenGaps()
     by_length: Mapping[str, HiddenGaps] = field(default_factory=dict)
     because: str = ""
@@ -98,12 +110,33 @@ def check(
         hidden = hide(take, wanted, params, turn)
         if not hidden.any():
             break
-        solution = solve(replace(take, trusted=take.trusted & ~hidden), hidden)
+        solution = solve(replace(take, trusted=take.trusted & ~_with_followers(take, hidden)), hidden)
         filled += _filled_gaps(take, hidden, solution, leave)
     if not filled:
         reason = f"none of the {len(pattern)} gaps fits where its marker is trusted"
         return SelfCheck(because=reason if len(pattern) else "there is no gap to fill of a marker that is seen")
-    return SelfCheck(rounds=params.rounds, total=_pooled(filled), by_length=_by_length(pattern, filled))
+    total, by_length = _pooled(filled, _lengths(pattern).sum()), _by_length(pattern, filled)
+    measured = sum(found.missing for found in by_length.values() if found.error)
+    return SelfCheck(
+        rounds=params.rounds,
+        represented=measured / total.missing,
+        total=total,
+        by_length=_with_factors(by_length),
+    )
+
+
+def widened(sd: Floats, trusted: Bools, checked: SelfCheck) -> Floats:
+    """Return the error bars (F, M), mm, each times the factor of the length class of its gap; the others as they are.
+
+    trusted: (F, M), whose runs of untrusted samples are the gaps.
+    """
+    wider = sd.copy()
+    gaps = list(column_runs(~trusted))
+    for name, members in metrics.by_length([stop - start for _, start, stop in gaps]) if gaps else []:
+        factor = checked.by_length[name].factor if name in checked.by_length else 1.0
+        for marker, start, stop in (gaps[k] for k in members):
+            wider[start:stop, marker] *= factor
+    return wider
 
 
 def hide(take: Take, wanted: Bools, params: Params, turn: int = 0) -> Bools:
@@ -219,20 +252,58 @@ def _filled_gaps(
         yield _FilledGap(stop - start, errors[kept], None if sd is None else sd[kept])
 
 
-def _pooled(gaps: Sequence[_FilledGap]) -> HiddenGaps:
-    """Return the result over all samples of some gaps."""
+def _pooled(gaps: Sequence[_FilledGap], missing: int) -> HiddenGaps:
+    """Return the result over all samples of some gaps, which stand for so many missing samples."""
+    if not gaps:
+        return HiddenGaps(missing=int(missing))
     errors = np.concatenate([gap.errors for gap in gaps])
     sd = [gap.sd for gap in gaps if gap.sd is not None]
     return HiddenGaps(
+        missing=int(missing),
         gaps=len(gaps),
         samples=sum(gap.length for gap in gaps),
         error=metrics.error(np.zeros_like(errors), errors, np.ones(len(errors), dtype=bool)),
         covered=metrics.coverage(errors, np.concatenate(sd)) if sd else None,
+        expected=metrics.expected_error(np.concatenate(sd)) if sd else None,
     )
 
 
 def _by_length(pattern: Gaps, gaps: Sequence[_FilledGap]) -> dict[str, HiddenGaps]:
     """Return the result of each length class that the real gaps have; 0 gaps where none of it was hidden."""
-    names = [name for name, _ in metrics.by_length(_lengths(pattern).tolist())]
-    classes = {name: [gaps[k] for k in members] for name, members in metrics.by_length([g.length for g in gaps])}
-    return {name: _pooled(classes[name]) if name in classes else HiddenGaps() for name in names}
+    lengths = _lengths(pattern)
+    hidden = {name: [gaps[k] for k in members] for name, members in metrics.by_length([g.length for g in gaps])}
+    real = metrics.by_length(lengths.tolist())
+    return {name: _pooled(hidden.get(name, []), int(lengths[members].sum())) for name, members in real}
+
+
+def _with_factors(by_length: Mapping[str, HiddenGaps]) -> dict[str, HiddenGaps]:
+    """Return the classes, in the order of their length, with the factors of their error bars.
+
+    A measured class has the RMS error over the expected one, or 1 if that is more: error bars are never narrowed. Any
+    other class has the larger factor of the nearest measured classes on both sides.
+    """
+    factors = [_factor(found) for found in by_length.values()]
+    settled = [
+        factor or max(next(filter(None, factors[k:]), 1.0), next(filter(None, factors[k::-1]), 1.0))
+        for k, factor in enumerate(factors)
+    ]
+    return {name: replace(found, factor=f) for (name, found), f in zip(by_length.items(), settled, strict=True)}
+
+
+def _factor(found: HiddenGaps) -> float | None:
+    """Return the factor of a measured class, at least 1; None where nothing was measured or no error was expected."""
+    if not found.error or not found.expected:
+        return None
+    return max(1.0, found.error.rmse_3d / found.expected)
+
+
+def _with_followers(take: Take, hidden: Bools) -> Bools:
+    """Return the hidden samples (F, M), and in the same frames those of points that follow their markers exactly.
+
+    Such a point is computed from the marker and would tell where it is. The joints of a skeleton stay.
+    """
+    if take.skeleton is not None:
+        return hidden
+    _, deviation = mean_distances(take.positions, take.trusted, DISTANCE_FRAMES)
+    follows = (deviation < EXACT_SD) & ~np.eye(len(deviation), dtype=bool)
+    return np.asarray(hidden | (hidden.astype(float) @ follows > 0.0), dtype=bool)

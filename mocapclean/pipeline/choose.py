@@ -46,24 +46,26 @@ def choose(
 ) -> tuple[MethodChoice, SelfCheck]:
     """Return which candidate of ``auto.methods`` fills the same hidden samples best, and its self-check.
 
-    The least 3D error wins among the candidates that fill the most of them. Where nothing can be hidden, the first
-    candidate that can be used wins. Raises SolverError when no candidate can be used.
+    The least 3D error wins among the candidates that fill the most of them. Where nothing can be hidden, or no hidden
+    sample is filled, the first of those wins that fill the most of the real gaps. Raises SolverError when no candidate
+    can be used.
     """
     checks: dict[str, SelfCheck] = {}
+    filled: dict[str, int] = {}
     left_out: dict[str, str] = {}
     for method in settings.auto.methods:
         try:
-            checks[method] = _check(method, take, wanted, settings, dictionary)
+            checks[method], filled[method] = _check(method, take, wanted, settings, dictionary)
         except MocapcleanError as error:
             left_out[method] = str(error)
     if not checks:
         reasons = " ".join(f"{method}: {reason}" for method, reason in left_out.items())
         raise SolverError(f"none of the methods that auto may choose can be used. {reasons}")
-    method = min(checks, key=lambda name: _rank(checks[name].total))
+    method = min(checks, key=lambda name: (*_rank(checks[name].total), -filled[name]))
     no_check = checks[method].because
     choice = MethodChoice(
         method=method,
-        because=f"the first, as {no_check}" if no_check else "the least 3D error of those that fill the most",
+        because=f"the first of those that fill the most, as {no_check}" if no_check else "the least 3D error of those that fill the most",
         candidates=tuple(
             Candidate(
                 method=name,
@@ -76,14 +78,20 @@ def choose(
     return choice, checks[method]
 
 
-def _check(method: str, take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None) -> SelfCheck:
+def _check(
+    method: str, take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None
+) -> tuple[SelfCheck, int]:
+    """Return the self-check of a candidate, and how many wanted samples it fills where that measures nothing, else 0.
+
+    Raises MocapcleanError where the method cannot be used.
+    """
     if settings.max_error is not None and not SOLVERS[method].TRAITS.error_bars:
         raise SolverError("it gives no error bars, which max_error needs.")
     solve = solver(method, settings, dictionary)
     found = self_check.check(take, wanted, solve, settings.hiding)
-    if found.because and not take.trusted.all():
-        solve(take, wanted)  # raises where the method cannot be used
-    return found
+    if found.total.error or take.trusted.all():
+        return found, 0
+    return found, int((solve(take, wanted).filled & wanted).sum())
 
 
 def _rank(total: HiddenGaps) -> tuple[int, float]:

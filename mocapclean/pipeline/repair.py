@@ -15,7 +15,7 @@ from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.evaluation import metrics
+from mocapclean.evaluation import metrics, self_check
 from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
@@ -76,6 +76,8 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     else:
         solution = solver(settings.method, settings, library)(selected, wanted)
     sd = _error_bars(selected, solution, wanted, settings)
+    if sd is not None and checked is not None:
+        sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
     written = formats.write(

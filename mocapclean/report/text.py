@@ -252,12 +252,17 @@ def _self_check(outcome: Outcome) -> Iterable[str]:
     total = checked.total
     hidden = f"{_count(total.samples, 'sample')} hidden in {_count(total.gaps, 'gap')}"
     yield _line("self-check", f"{_error(total.error)}, on {hidden}" if total.error else f"none filled of {hidden}")
+    stands_for = f"it stands for {_share(checked.represented)} of the {_count(total.missing, 'missing sample')}"
+    yield _line("", stands_for + ("" if checked.represented == 1.0 else "; the error of the rest is not measured"))
     rows = [
-        [name, str(check.gaps), f"{check.samples:,}", *_numbers(check.error), _share(check.covered)]
+        [
+            *(name, f"{check.missing:,}", str(check.gaps), f"{check.samples:,}", *_numbers(check.error)),
+            *(_share(check.covered), f"{check.factor:.2f}"),
+        ]
         for name, check in checked.by_length.items()
     ]
-    header = ["gap in frames", "gaps", "samples", *_ERROR_COLUMNS, "within 90 %"]
-    width = len(header) - (total.covered is None)
+    header = ["gap in frames", "missing", "hidden in", "samples", *_ERROR_COLUMNS, "within 90 %", "bars x"]
+    width = len(header) - 2 * (total.covered is None)
     yield from _indented([row[:width] for row in rows], header[:width])
     if total.error and total.error.samples < total.samples:
         yield _line("", f"{total.samples - total.error.samples:,} of them left unfilled")

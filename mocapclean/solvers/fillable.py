@@ -11,7 +11,7 @@ def fillable(trusted: Bools) -> Bools:
 
 
 def enclosed(trusted: Bools) -> Bools:
-    """Return the fillable samples (F, M) with a trusted sample of the same marker before and after them."""
+    """Return the untrusted samples (F, M) with a trusted sample of the same marker before and after them."""
     before = np.maximum.accumulate(trusted, axis=0)
     after = np.maximum.accumulate(trusted[::-1], axis=0)[::-1]
-    return fillable(trusted) & before & after
+    return ~trusted & before & after

@@ -1,15 +1,18 @@
 """Run a method on a take: the one place that calls the ``solve`` of a method's module."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from mocapclean.arrays import Bools
+from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.dictionaries.dictionary import Dictionary, require_dictionary
 from mocapclean.errors import SolverError
+from mocapclean.numerics.robust import nan_median
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.fillable import enclosed, fillable
 from mocapclean.solvers.method import KnownBones, Traits
+from mocapclean.solvers.over_time import bridge_all, bridge_dropouts
 from mocapclean.take import Solution, Take
 from mocapclean.take.bones import bones_of
 
@@ -24,19 +27,88 @@ def run_method(
 ) -> Solution:
     """Return the answer of a registered method for a take.
 
+    A method that goes by other markers is run on the columns that are not detached. What it cannot fill is bridged over
+    time: short dropouts, in which nothing is seen, before it, and the gaps of detached columns, which it does not see.
+
     params: the method's ``Params``. wanted: (F, M) samples whose gaps need an answer, None for all; most methods fill
     the others as well. dictionary: for the methods that need one. Raises UsageError where a dictionary is missing or
     does not fit the take, SolverError where the method has no answer, such as without the bones that it needs.
     """
+    traits = SOLVERS[name].TRAITS
+    if not traits.extrapolates or not (take.detached.any() or _has_dropouts(take)):
+        # Each column by itself, or nothing that the method cannot fill.
+        return _solve(name, take, params, wanted, dictionary)
+    attached = np.flatnonzero(~take.detached)
+    part = take.select(attached)
+    # The method takes the samples that are bridged over time as known.
+    positions, sd = bridge_dropouts(part)
+    bridged = np.isfinite(sd)
+    known = replace(part, positions=positions, trusted=part.trusted | bridged)
+    part_wanted = wanted if wanted is None else wanted[:, attached]
+    solution = _with_bridged(_solve(name, known, params, part_wanted, dictionary), bridged, positions, sd)
+    if not take.detached.any():
+        return solution
+    return _with_detached(take, attached, solution, *bridge_all(take.select(np.flatnonzero(take.detached))))
+
+
+def _has_dropouts(take: Take) -> bool:
+    """Whether there are frames in which nothing is seen, of a take in which something is."""
+    return bool(take.trusted.any() and not take.trusted.any(axis=1).all())
+
+
+def _with_bridged(solution: Solution, bridged: Bools, positions: Floats, bridged_sd: Floats) -> Solution:
+    """Return a solution with the samples (F, M) that were bridged before it, and that it took as known.
+
+    Where the method predicts from bridged samples, its variance grows by their median variance in the frame.
+    """
+    if not bridged.any():
+        return solution
+    sd, moved = solution.sd, solution.moved
+    if sd is not None:
+        variances = np.where(bridged.any(axis=1), nan_median(np.square(bridged_sd).T), 0.0)
+        sd = np.where(bridged, bridged_sd, np.sqrt(np.square(sd) + solution.filled * variances[:, None]))
+    return replace(
+        solution,
+        positions=np.where(bridged[..., None], positions, solution.positions),
+        filled=solution.filled | bridged,
+        sd=sd,
+        reason=solution.reason if solution.filled.any() else "bridged over time",
+        moved=None if moved is None else moved & ~bridged,
+    )
+
+
+def _with_detached(take: Take, attached: Ints, solution: Solution, positions: Floats, sd: Floats) -> Solution:
+    """Return the solution of the attached columns, with the detached columns bridged over time, in the take's order."""
+    detached = np.flatnonzero(take.detached)
+
+    def joined(of_attached: Any, of_detached: Any) -> Any:
+        """Return arrays of both kinds of columns as one (F, M, ...)."""
+        columns = np.zeros((*take.trusted.shape, *of_attached.shape[2:]), dtype=of_attached.dtype)
+        columns[:, attached], columns[:, detached] = of_attached, of_detached
+        return columns
+
+    bridged = np.isfinite(sd)
+    known = bridged | take.trusted[:, detached]
+    return replace(
+        solution,
+        positions=joined(solution.positions, np.where(known[..., None], positions, 0.0)),
+        filled=joined(solution.filled, bridged),
+        sd=None if solution.sd is None else joined(solution.sd, np.where(bridged, sd, 0.0)),
+        outliers=None if solution.outliers is None else joined(solution.outliers, 0.0),
+        moved=None if solution.moved is None else joined(solution.moved, False),
+        reason=solution.reason if solution.filled.any() else "bridged over time",
+    )
+
+
+def _solve(name: str, take: Take, params: Any, wanted: Bools | None, dictionary: Dictionary | None) -> Solution:
+    """Return the answer of a method for a take whose columns it all may use."""
     module = SOLVERS[name]
     traits = module.TRAITS
     # Nothing to fill, and nothing to correct: an answer without a call
-    gaps = fillable(take.trusted)
+    gaps = fillable(take.trusted) if traits.extrapolates else enclosed(take.trusted)
     corrects = traits.cleans_complete_takes and params.denoise and take.trusted.any()
     if not (gaps.any() or corrects):
         return _nothing_to_fill(take, gaps, traits)
-    if not traits.extrapolates:
-        gaps = enclosed(take.trusted)
     # The further arguments of ``solve``, as the traits declare them
     inputs: list[Any] = []
     if traits.gap_by_gap:

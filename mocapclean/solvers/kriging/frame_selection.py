@@ -4,6 +4,8 @@ from.
 A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
@@ -22,6 +24,7 @@ INCOMPLETE_TRAINING = 0.05  # mean share of missing neighbours above which train
 MAX_WINDOW_MISSING = 0.1  # share of missing neighbours up to which any window is used
 MIN_CANDIDATES = 2  # times the window length, candidate windows that are kept at least, those that lack least
 MIN_WINDOWS = 3  # windows; where fewer fit, their length is halved
+SHORTEST_ALIKE = 4  # part of a gap's length, the shortest windows that are sought to resemble it; chosen by hand
 WINDOW_SPACING = 0.3  # of the window length, the least distance between the first frames of two windows
 MIN_WINDOW_SPACING = 5  # frames, the same where windows are short
 MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced from ten to save time
@@ -86,28 +89,51 @@ def training_frames(known: Bools, missing_share: Floats, most: int) -> tuple[Int
 
 
 def window_starts(
-    known: Bools, missing_share: Floats, length: int, n_windows: int, edges: tuple[int, int]
+    known: Bools,
+    missing_share: Floats,
+    length: int,
+    n_windows: int,
+    edges: tuple[int, int],
+    alike: Callable[[Ints, int], Bools] | None = None,
 ) -> tuple[Ints, int]:
     """Return the first frames of up to ``n_windows`` windows in known stretches, and their length, halved until enough
     fit.
 
     known and missing_share (F,) are those of ``training_frames``. A window is a stretch in which the marker is known,
-    together with ``edges`` frames before and after it.
+    together with ``edges`` frames before and after it. alike: which windows, of first frames (n,) and a length,
+    resemble the gap; only these are used, unless too few of a quarter of the length do.
     """
-    before, after = edges
-    # Prefix sums: entry b less entry a is the sum over the frames a to b - 1.
-    unknown, missing = np.append(0, np.cumsum(~known)), np.append(0.0, np.cumsum(missing_share))
+    wanted, shortest = length, length // SHORTEST_ALIKE if alike else 1
     starts = np.zeros(0, dtype=np.intp)
-    while n_windows and length >= 1:
-        candidates = np.arange(before, len(known) - length - after + 1)
-        starts = candidates[unknown[candidates + length + after] == unknown[candidates - before]]
-        if len(starts):
-            # Drop the windows that lack many neighbours, unless too few would be left.
-            mean = (missing[starts + length] - missing[starts]) / length
-            rank = min(MIN_CANDIDATES * length, len(starts)) - 1
-            starts = starts[mean <= max(MAX_WINDOW_MISSING, np.partition(mean, rank)[rank])]
-        starts = spread_out(starts, n_windows, max(int(WINDOW_SPACING * length), MIN_WINDOW_SPACING))
+    while n_windows and length >= max(shortest, 1):
+        starts = _starts_of_length(known, missing_share, length, n_windows, edges, alike)
         if len(starts) >= MIN_WINDOWS:
             break
         length //= 2
+    if alike and len(starts) < MIN_WINDOWS:
+        return window_starts(known, missing_share, wanted, n_windows, edges)
     return starts, max(length, 1)
+
+
+def _starts_of_length(
+    known: Bools,
+    missing_share: Floats,
+    length: int,
+    n_windows: int,
+    edges: tuple[int, int],
+    alike: Callable[[Ints, int], Bools] | None,
+) -> Ints:
+    """Return the first frames of up to ``n_windows`` windows of one length; the arguments are those of the caller."""
+    before, after = edges
+    # Prefix sums: entry b less entry a is the sum over the frames a to b - 1.
+    unknown, missing = np.append(0, np.cumsum(~known)), np.append(0.0, np.cumsum(missing_share))
+    candidates = np.arange(before, len(known) - length - after + 1)
+    starts = candidates[unknown[candidates + length + after] == unknown[candidates - before]]
+    if alike:
+        starts = starts[alike(starts, length)]
+    if len(starts):
+        # Drop the windows that lack many neighbours, unless too few would be left.
+        mean = (missing[starts + length] - missing[starts]) / length
+        rank = min(MIN_CANDIDATES * length, len(starts)) - 1
+        starts = starts[mean <= max(MAX_WINDOW_MISSING, np.partition(mean, rank)[rank])]
+    return spread_out(starts, n_windows, max(int(WINDOW_SPACING * length), MIN_WINDOW_SPACING))

@@ -45,8 +45,9 @@ def join_segments(track: Floats, segments: list[tuple[int, int]], rate: float) -
     """
     width = max(1.0, JOIN_DECAY * rate)
     # The step is the distance from where constant velocity would have led.
-    steps = [(edge, track[edge] - 2.0 * track[edge - 1] + track[max(edge - 2, 0)]) for _, edge in segments[:-1]]
-    for (start, _), (_, stop), (edge, step) in zip(segments[:-1], segments[1:], steps, strict=True):
+    joins = [(start, edge, stop) for (start, edge), (after, stop) in pairwise(segments) if after == edge]
+    steps = [track[edge] - 2.0 * track[edge - 1] + track[max(edge - 2, 0)] for _, edge, _ in joins]
+    for (start, edge, stop), step in zip(joins, steps, strict=True):
         before, after = np.arange(start, edge), np.arange(edge, stop)
         track[before] += 0.5 * step * np.exp(-(edge - 1 - before) / width)[:, None]
         track[after] -= 0.5 * step * np.exp(-(after - edge) / width)[:, None]

@@ -11,6 +11,11 @@ from mocapclean.solvers.kriging.frame_selection import spread_out
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
 MAX_DISTANCE_FRAMES = 300  # frames over which the distances of a marker are measured
 NEAR_RATIO = 25.0  # times the rigidity parameter, the distance (50 mm) below which neighbours weigh about equally
+EXACT_SHARE = 0.005
+"""Of the rigidity parameter, the SD of a distance (0.01 mm) below which a marker follows another exactly.
+
+Measured markers never do, computed points do: ``mocapclean bench markers`` leaves points out by the same limit.
+"""
 FEATURE_LOOSENESS = 2.5  # least looseness of the features' scales, which are more even than the weights in frames
 
 
@@ -27,9 +32,18 @@ class NeighbourDistances:
     rigidity: float
 
     @classmethod
-    def measured(cls, positions: Floats, trusted: Bools, rigidity: float) -> "NeighbourDistances":
-        """Return the distances of positions (F, M, 3), each marker's over up to 300 frames in which it is trusted."""
-        return cls(*distances_of_each(positions, trusted, _sampled), rigidity)
+    def measured(
+        cls, positions: Floats, trusted: Bools, rigidity: float, *, exact: bool = False
+    ) -> "NeighbourDistances":
+        """Return the distances of positions (F, M, 3), each marker's over up to 300 frames in which it is trusted.
+
+        exact: whether points that follow each other exactly are neighbours, as the joints of a skeleton are. If not,
+        the variance of their distance is infinite: such a point is computed from the other one, not measured.
+        """
+        mean, variance = distances_of_each(positions, trusted, _sampled)
+        if not exact:
+            variance[variance < (EXACT_SHARE * rigidity) ** 2] = np.inf
+        return cls(mean, variance, rigidity)
 
     def weights(self, marker: int, looseness: float = 1.0) -> Floats:
         """Return the weight (M,) of each marker as a neighbour of one; 0 for itself and for pairs never measured.

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, column_runs
-from mocapclean.solvers.kriging.gap_segment import GapSegment
+from mocapclean.solvers.kriging.gap_segment import CLEARLY_BETTER, GapSegment
 from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
 from mocapclean.solvers.kriging.take_state import TakeState
 
@@ -14,6 +14,9 @@ SETTLED_CHANGE = 0.3
 
 It was added to save passes; chosen by hand, no sweep was kept.
 """
+
+Answer = tuple[Floats, Floats]
+"""The positions (L, 3) of a segment and their SD (L,) per coordinate, mm."""
 
 
 class GapSpan(NamedTuple):
@@ -61,27 +64,46 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
 
 
 def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
-    """Fill gaps and update the state; every gap is filled from the state before the pass."""
+    """Fill gaps and update the state; every gap is filled from the state before the pass.
+
+    A segment without an answer stays as it is: its samples are missing, and its interpolated positions are not read.
+    """
     incomplete, split = False, []
     positions, sd = state.positions.copy(), state.sd.copy()
     for gap in gaps:
         marker = gap.marker
         # Segments in which the same neighbours are known are filled by themselves, then joined.
         spans = split_gap(state.known, state.distances.weights(marker), gap.start, gap.stop)
-        for first, last in spans:
-            segment = GapSegment(state, marker, first, last)
-            positions[first:last, marker], sd[first:last, marker] = segment.fill()
-            incomplete |= segment.incomplete_training
-        join_segments(positions[:, marker], spans, state.rate)
+        segments = [GapSegment(state, marker, first, last, whole=len(spans) == 1) for first, last in spans]
+        answers = [segment.fill() for segment in segments]
+        incomplete |= any(segment.incomplete_training for segment in segments)
         if len(spans) > 1:
             split.append(gap)
+            alone = GapSegment(state, *gap, alone=True).fill()
+            if alone and _surer(alone, answers):
+                spans, answers = [(gap.start, gap.stop)], [alone]
+        for (first, last), answer in zip(spans, answers, strict=True):
+            if answer:
+                positions[first:last, marker], sd[first:last, marker] = answer
+        answered = [span for span, answer in zip(spans, answers, strict=True) if answer]
+        join_segments(positions[:, marker], answered, state.rate)
     state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return PassOutcome(incomplete, split)
 
 
+def _surer(alone: Answer, answers: list[Answer | None]) -> bool:
+    """Whether the answer of a whole gap has a much smaller variance than those of its segments, or one has none."""
+    answered = [answer for answer in answers if answer]
+    if len(answered) < len(answers):
+        return True
+    return bool(CLEARLY_BETTER * np.square(alone[1]).mean() < np.square(np.concatenate([sd for _, sd in answered])).mean())
+
+
 def _changed(state: TakeState, gap: GapSpan, before: Floats) -> bool:
     """Whether the fill of a gap differs from the positions (F, M, 3) before the pass by more than a share of its SD."""
     span = slice(gap.start, gap.stop)
-    change = state.positions[span, gap.marker] - before[span, gap.marker]
-    return bool(np.square(change).mean() > SETTLED_CHANGE**2 * np.square(state.sd[span, gap.marker]).mean())
+    sd = state.sd[span, gap.marker]
+    answered = np.isfinite(sd)
+    change = (state.positions[span, gap.marker] - before[span, gap.marker])[answered]
+    return bool(answered.any() and np.square(change).mean() > SETTLED_CHANGE**2 * np.square(sd[answered]).mean())

@@ -44,7 +44,7 @@ class PredictionInput:
 
 def predict_all(predictors: list[Predictor], inputs: PredictionInput) -> list[KrigingResult]:
     """Return the results of the predictors in world coordinates; those without a defined frame are left out."""
-    frames = _frames_of_reference(predictors, inputs)
+    frames = _frames_of_reference(predictors, inputs) if predictors else []
     results = [_predict(*each, inputs) for each in zip(predictors, frames, strict=True)]
     return [result for result in results if result]
 

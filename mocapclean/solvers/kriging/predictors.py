@@ -43,6 +43,8 @@ def applicable(n_neighbours: int, has_hinge: bool) -> list[Predictor]:
     ``n_framing`` and ``n_features`` are limited to the number of neighbours, which can make predictors equal. A frame
     that turns needs three neighbours. A hinged frame needs two ends among them.
     """
+    if not n_neighbours:
+        return []
     limited = [
         replace(p, n_framing=min(p.n_framing, n_neighbours), n_features=min(p.n_features, n_neighbours))
         for p in PREDICTORS

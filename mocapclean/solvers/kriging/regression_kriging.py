@@ -66,7 +66,7 @@ def krige(
             features[windows].reshape(*shape, -1), target[windows].reshape(*shape, 3), ridge, held_out, plan
         )
         errors = _bridging_errors(residuals, n_inside, bridges)
-        weights = _likelihood_weights(errors, error_floor)
+        weights = likelihood_weights(errors, error_floor)
         window_errors = np.einsum("gl,glwmc->wmc", weights, errors)
     else:
         weights = np.full((len(KERNELS), len(PENALTIES)), 1.0 / (len(KERNELS) * len(PENALTIES)))
@@ -115,7 +115,7 @@ def _bridging_errors(residuals: Floats, n_inside: int, bridges: PlanBridges) -> 
     return errors
 
 
-def _likelihood_weights(errors: Floats, error_floor: float) -> Floats:
+def likelihood_weights(errors: Floats, error_floor: float) -> Floats:
     """Return the weights (kernels, λ) of sum 1: exp(-n/2 · mean over windows of log(mean square error + floor))."""
     squares = np.einsum("glwmc,glwmc->glw", errors, errors) / (errors.shape[3] * errors.shape[4])
     loss = np.log(squares + error_floor).mean(axis=2)

@@ -50,21 +50,27 @@ def in_short_gaps(trusted: Bools, longest: int) -> Bools:
 
 
 def bridge_short_gaps(
-    positions: Floats, trusted: Bools, known: Bools, rate: float, frames_for: FramesFor | None = None
+    positions: Floats,
+    trusted: Bools,
+    known: Bools,
+    rate: float,
+    frames_for: FramesFor | None = None,
+    step: int = 1,
 ) -> tuple[Floats, Floats]:
     """Return positions (F, M, 3) with the short gaps filled, and the SD (F, M) of the filled samples, mm.
 
     The SD is that of each coordinate, from the errors of the same prediction on known samples, spread over the gap as
-    the kriging variance is. It is NaN where nothing is filled. rate: Hz.
+    the kriging variance is. It is NaN where nothing is filled. rate: Hz. step: every how many-th sample a gap is bridged
+    from, on each side of it.
     """
     filled, sd = positions.copy(), np.full(trusted.shape, np.nan)
     kriging = DriftKriging(rate)
     to_fill = known & ~trusted
     for marker in np.flatnonzero(to_fill.any(axis=0)).tolist():
         samples = np.flatnonzero(trusted[:, marker])
-        gaps = [_stretch(samples, start, stop - start) for start, stop in runs(to_fill[:, marker]).tolist()]
+        gaps = [_stretch(samples, start, stop - start, step) for start, stop in runs(to_fill[:, marker]).tolist()]
         # Windows as long as each gap, and the errors in them.
-        windows = {length: _windows(samples, length) for length in {gap.length for gap in gaps}}
+        windows = {length: _windows(samples, length, step) for length in {gap.length for gap in gaps}}
         frames = np.unique(np.concatenate([stretch.frames for stretch in chain(gaps, *windows.values())]))
         tracks = _Tracks(positions[:, marker], frames, frames_for(marker, frames) if frames_for else None)
         errors = {length: _window_errors(tracks, stretches, kriging) for length, stretches in windows.items()}
@@ -105,21 +111,21 @@ class _WindowErrors(NamedTuple):
     scaled: Floats
 
 
-def _stretch(known: Ints, start: int, length: int) -> _Stretch:
-    """Return a stretch with up to 12 of the known frames on each side."""
+def _stretch(known: Ints, start: int, length: int, step: int) -> _Stretch:
+    """Return a stretch with up to 12 of the known frames on each side, every ``step``-th from the nearest."""
     first, last = np.searchsorted(known, (start, start + length)).tolist()
-    before = known[max(0, first - MAX_PER_SIDE) : first]
-    adjacent = np.append(before, known[last : last + MAX_PER_SIDE])
+    before = known[:first][::-1][: step * MAX_PER_SIDE : step][::-1]
+    adjacent = np.append(before, known[last : last + step * MAX_PER_SIDE : step])
     return _Stretch(start, length, adjacent, len(before), known[first:last])
 
 
-def _windows(known: Ints, length: int) -> list[_Stretch]:
+def _windows(known: Ints, length: int, step: int) -> list[_Stretch]:
     """Return up to 40 windows that begin at known frames, evenly chosen; none where too few samples are known."""
     last = len(known) - length - WINDOW_MARGIN
     if last < WINDOW_MARGIN:
         return []
     chosen = np.unique(np.linspace(WINDOW_MARGIN, last, MAX_WINDOWS).astype(int))
-    return [_stretch(known, start, length) for start in known[chosen].tolist()]
+    return [_stretch(known, start, length, step) for start in known[chosen].tolist()]
 
 
 class _Tracks:

@@ -4,6 +4,8 @@ SD.
 L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
 """
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from scipy.optimize import nnls
 
@@ -11,10 +13,14 @@ from mocapclean.arrays import Floats
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 
+if TYPE_CHECKING:
+    from mocapclean.solvers.kriging import Params
+
 SUM_STIFFNESS = 1e3  # weight of the condition Σ w = 1, large against moments of about 1; chosen by hand
 JITTER = 1e-9  # of the mean moment, added to the diagonal: equal predictors then have a Cholesky factor; by hand
 DISAGREEMENT_POWER = 0.5  # by which the variance grows with the ratio of disagreements; chosen by hand
 UNTESTED_FACTOR = 4.0  # times the predictors' disagreement, the variance without windows; chosen by hand
+
 
 
 def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
@@ -35,6 +41,25 @@ def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
     system = np.vstack([root, np.full((1, n), SUM_STIFFNESS)])
     weights, _ = nnls(system, np.append(np.zeros(n), SUM_STIFFNESS))
     return np.asarray(weights / weights.sum(), dtype=np.float64)
+
+
+def window_errors_ratio(results: list[KrigingResult], others: list[KrigingResult], params: "Params") -> float:
+    """Return how many times larger the mean square error in windows is with ``results`` than with ``others``, stacked.
+
+    It is the lesser of two ratios, of mean squares and of geometric means over windows. One window with a move decides
+    the first, the many others the second. It is 1 where there are no windows.
+    """
+    if not results[0].window_errors.size:
+        return 1.0
+    own, other = (_stacked_squares(group, params) + params.noise**2 for group in (results, others))
+    return float(min(own.mean() / other.mean(), np.exp(np.log(own / other).mean())))
+
+
+def _stacked_squares(results: list[KrigingResult], params: "Params") -> Floats:
+    """Return the mean square error (w,) of stacked results in each window, mm²."""
+    errors = np.stack([result.window_errors for result in results])
+    weights = stacking_weights(errors.reshape(len(results), -1), params.shrinkage)
+    return np.asarray(np.square(np.tensordot(weights, errors, axes=1)).mean(axis=(1, 2)))
 
 
 def combine(results: list[KrigingResult], plan: SamplingPlan, noise: float, shrinkage: float) -> tuple[Floats, Floats]:

@@ -9,6 +9,7 @@ from mocapclean.numerics import interpolation
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.bones import Bones
 from mocapclean.solvers.kriging.bridging import BridgeWeights
+from mocapclean.solvers.kriging.drift_kriging import DriftKriging
 from mocapclean.solvers.kriging.neighbour_frames import neighbour_frames
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_gaps
@@ -27,15 +28,17 @@ class TakeState:
     sd: (F, M) mm per coordinate, NaN where nothing is filled.
     known: (F, M) whether a sample is trusted or in a bridged short gap.
     missing: (F, M) 1.0 where a sample is neither known nor filled, else 0.0.
-    distances, bones: measured on the trusted samples. bridge_weights: shared by all gaps.
+    distances, bones: measured on the trusted samples. bridge_weights, drift_kriging: shared by all gaps.
     """
 
     def __init__(self, take: Take, params: "Params") -> None:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
-        self.bridge_weights = BridgeWeights(take.rate)
+        self.bridge_weights, self.drift_kriging = BridgeWeights(take.rate), DriftKriging(take.rate)
         self.bones = Bones.of_take(take, params.bone_spread)
         interpolated = interpolation.linear(take.positions, take.trusted)
-        self.distances = NeighbourDistances.measured(interpolated, take.trusted, params.rigidity)
+        self.distances = NeighbourDistances.measured(
+            interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None
+        )
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
         # A neighbour in a gap at an end of the take is not used: markers lost together there would mislead each other.
         usable = take.trusted | (self.known & enclosed(take.trusted))
