@@ -160,6 +160,12 @@ def test_a_point_at_a_constant_distance_is_computed(tmp_path: Path) -> None:
     assert "2 exact functions of other points (inside, twin)" in finding(take, "points").message
 
 
+def test_copies_are_computed_even_if_they_are_the_most(tmp_path: Path) -> None:
+    copies = np.concatenate([body(), body()], axis=1)
+    take = load(tmp_path, file_with(copies, [*MARKERS, *MARKERS]))
+    assert take.markers == tuple(MARKERS)
+
+
 def test_it_stays_computed_where_the_marker_was_repaired(tmp_path: Path) -> None:
     beside = body()[:, 4] + [0, 30, 0]
     file = file_with(beside[:, None], ["inside"])

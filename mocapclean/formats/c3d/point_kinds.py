@@ -155,21 +155,24 @@ def computed_by_position(positions: Floats, trusted: Bools, among: Bools) -> Boo
 
     Their distance to an earlier point is constant while both move, or one coordinate of theirs is constant while the
     others change, as of points on the floor. Nothing is one where most points would be: in a take of a skeleton, or in
-    two dimensions. among: (M,), the points to compare; no other is one.
+    two dimensions. A point in the place of an earlier one is a copy of it in any case. among: (M,), the points to
+    compare; no other is one.
     """
     frames, columns = evenly_spaced(len(trusted), TRIED_FRAMES), np.flatnonzero(among)
     positions, trusted = positions[frames][:, columns], trusted[frames][:, columns]
     computed = np.zeros_like(among)
-    for found in (_keeps_distance(positions, trusted), _has_constant_coordinate(positions, trusted)):
-        if found.sum() < MOST_EXACT * len(columns):
+    is_copy, keeps_distance = _follows(positions, trusted)
+    computed[columns[is_copy]] = True
+    for found in (keeps_distance, _has_constant_coordinate(positions, trusted)):
+        if (found & ~is_copy).sum() < MOST_EXACT * (~is_copy).sum():
             computed[columns[found]] = True
     return computed
 
 
-def _keeps_distance(positions: Floats, trusted: Bools) -> Bools:
-    """Return the points (M,) whose distance to an earlier point is constant."""
+def _follows(positions: Floats, trusted: Bools) -> tuple[Bools, Bools]:
+    """Return the points (M,) in the place of an earlier point, and those whose distance to one is constant."""
     moving = np.flatnonzero(_motion(positions, trusted) >= LEAST_MOTION)
-    follows = np.zeros(trusted.shape[1], dtype=bool)
+    is_copy, follows = np.zeros((2, trusted.shape[1]), dtype=bool)
     for place, column in enumerate(moving):
         later = moving[place + 1 :]
         shared = trusted[:, later] & trusted[:, [column]]
@@ -177,8 +180,10 @@ def _keeps_distance(positions: Floats, trusted: Bools) -> Bools:
         middle = nan_median(np.where(shared, distance, np.nan))
         is_exact = shared & (np.abs(distance - middle) < EXACT)
         count = shared.sum(axis=0)
-        follows[later[(count >= LEAST_SEEN) & (is_exact.sum(axis=0) >= EXACT_SHARE * count)]] = True
-    return follows
+        is_constant = (count >= LEAST_SEEN) & (is_exact.sum(axis=0) >= EXACT_SHARE * count)
+        follows[later[is_constant]] = True
+        is_copy[later[is_constant & (middle < EXACT)]] = True
+    return is_copy, follows
 
 
 def _has_constant_coordinate(positions: Floats, trusted: Bools) -> Bools:
