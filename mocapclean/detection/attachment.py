@@ -10,7 +10,7 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.prediction import predict
 from mocapclean.detection.steps import SLIDE_SECONDS
-from mocapclean.detection.stillness import rests, still_samples
+from mocapclean.detection.stillness import mostly_still, still_samples
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics import interpolation
 
@@ -34,7 +34,7 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     them. A marker that fails is tried again without the best step of its place among the others.
     """
     still = still_samples(positions, trusted)
-    judged = trusted & ~(still & ~rests(still, trusted))
+    judged = trusted & ~(still & ~mostly_still(still, trusted))
     filled = interpolation.linear(positions, judged)
     found = _are_attached(filled, judged, rigid, rate, np.ones(len(judged[0]), dtype=bool))
     left = ~found & (judged.sum(axis=0) > 0)
@@ -69,7 +69,7 @@ def _blocks(trusted: Bools) -> Ints:
 
 def _is_attached(path: Floats, residual: Floats, block: Ints, rate: float) -> bool:
     """Whether one marker's changes are predicted better than guessed; path, residual: (F, 3), block: (F,)."""
-    size = np.count_nonzero(block >= 0) // _BLOCKS
+    size = int((block >= 0).sum()) // _BLOCKS
     length = max(1, min(round(_WINDOW_SECONDS * rate), size // _WINDOW_BLOCKS))
     before = max(1, round(_VELOCITY_SHARE * length))
     start = np.arange(before, len(path) - length)

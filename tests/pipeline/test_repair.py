@@ -21,7 +21,7 @@ def test_a_gap_beyond_the_numbers_of_the_file_is_left_and_the_others_are_filled(
     points[100:140, 3] = [0, 0, 0, -1]
     source, output = tmp_path / "take.c3d", tmp_path / "out.c3d"
     source.write_bytes(C3D(points, is_float=False).build())
-    outcome = repair(source, output, resolve(None, {"trust": {}}))
+    outcome = repair(source, output, resolve(None, {"trust": {}, "fill_poor": True}))
     assert outcome.status == "repaired", outcome.error
     assert {gap.marker: gap.status for gap in outcome.gaps} == {"M1": Status.OUT_OF_RANGE, "M4": Status.FILLED}
     assert outcome.statuses[Status.OUT_OF_RANGE] == beyond.sum()

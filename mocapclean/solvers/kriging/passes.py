@@ -97,7 +97,9 @@ def _surer(alone: Answer, answers: list[Answer | None]) -> bool:
     answered = [answer for answer in answers if answer]
     if len(answered) < len(answers):
         return True
-    return bool(CLEARLY_BETTER * np.square(alone[1]).mean() < np.square(np.concatenate([sd for _, sd in answered])).mean())
+    return bool(
+        CLEARLY_BETTER * np.square(alone[1]).mean() < np.square(np.concatenate([sd for _, sd in answered])).mean()
+    )
 
 
 def _changed(state: TakeState, gap: GapSpan, before: Floats) -> bool:
