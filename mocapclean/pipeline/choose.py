@@ -64,7 +64,9 @@ def choose(
     no_check = checks[method].because
     choice = MethodChoice(
         method=method,
-        because=f"the first of those that fill the most, as {no_check}" if no_check else "the least 3D error of those that fill the most",
+        because=f"the first of those that fill the most, as {no_check}"
+        if no_check
+        else "the least 3D error of those that fill the most",
         candidates=tuple(
             Candidate(
                 method=name,

@@ -122,9 +122,7 @@ class GapSegment:
             return np.inf
         return window_errors_ratio(evidence.following, evidence.own_path, self.state.params)
 
-    def _moving_more(
-        self, plan: SamplingPlan, answer: tuple[Floats, Floats] | None
-    ) -> tuple[Floats, Floats] | None:
+    def _moving_more(self, plan: SamplingPlan, answer: tuple[Floats, Floats] | None) -> tuple[Floats, Floats] | None:
         """Return an answer with an SD that grows where the marker moves more across the gap than across windows.
 
         It grows in proportion, up to the RMS distance of the samples on both sides from their mean. Where windows are

@@ -21,7 +21,6 @@ DISAGREEMENT_POWER = 0.5  # by which the variance grows with the ratio of disagr
 UNTESTED_FACTOR = 4.0  # times the predictors' disagreement, the variance without windows; chosen by hand
 
 
-
 def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
     """Return the weights w (p,), w >= 0 and Σ w = 1, that minimise the mean square of the weighted errors (p, n).
 
