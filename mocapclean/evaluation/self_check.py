@@ -20,7 +20,7 @@ from pydantic.dataclasses import dataclass
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
-from mocapclean.geometry.distances import mean_distances
+from mocapclean.geometry.distances import exact_pairs, mean_distances
 from mocapclean.parameters import STRICT, About
 from mocapclean.take import Solution, Take
 
@@ -305,5 +305,4 @@ def _with_followers(take: Take, hidden: Bools) -> Bools:
     if take.skeleton is not None:
         return hidden
     _, deviation = mean_distances(take.positions, take.trusted, DISTANCE_FRAMES)
-    follows = (deviation < EXACT_SD) & ~np.eye(len(deviation), dtype=bool)
-    return np.asarray(hidden | (hidden.astype(float) @ follows > 0.0), dtype=bool)
+    return np.asarray(hidden | (hidden.astype(float) @ exact_pairs(deviation, EXACT_SD) > 0.0), dtype=bool)

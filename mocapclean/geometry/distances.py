@@ -92,6 +92,18 @@ def mean_distances(positions: Floats, trusted: Bools, most: int) -> tuple[Floats
     return np.where(never, np.inf, mean), np.where(never, np.inf, deviation)
 
 
+def exact_pairs(deviation: Floats, largest: float) -> Bools:
+    """Return the pairs of points (M, M) of which one is computed from the other: their distance never varies.
+
+    deviation: (M, M) SD of the distances, mm, infinite where unknown. largest: mm, up to which it counts as none.
+    Where every point has such a partner, none is returned: then the points are the joints of a skeleton, or simulated.
+    """
+    others = ~np.eye(len(deviation), dtype=bool)
+    exact = (deviation <= largest) & others
+    measured = (np.isfinite(deviation) & others).any(axis=1)
+    return np.asarray(exact & ~exact[measured].any(axis=1).all(), dtype=bool)
+
+
 def distances_of_each(positions: Floats, trusted: Bools, spaced: Callable[[Ints], Ints]) -> tuple[Floats, Floats]:
     """Return mean and variance (M, M) of the distances of each marker from all others, mm and mm².
 

@@ -239,7 +239,7 @@ def test_auto_without_anything_to_hide_takes_the_first_that_can_be_used(folder):
     assert code == 0
     take, _ = taken(folder / "walk_truth_filled.c3d.report.json")
     assert take["method"] == "spline"
-    assert "spline, chosen by auto: the first, as none of the 1 gaps fits" in out
+    assert "spline, chosen by auto: the first of those that fill the most, as none of the 1 gaps fits" in out
 
 
 def test_auto_with_a_limit_of_the_error_asks_for_error_bars(folder):

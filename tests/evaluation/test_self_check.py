@@ -203,5 +203,54 @@ def test_a_method_that_fails_is_not_hushed_up():
 def test_a_class_of_which_nothing_can_be_hidden_is_named():
     take = gapped(300, 2, (0, 20, 280), (1, 100, 130))
     result = check(take, everything(take), Stub(take, np.ones(3)), Params())
-    assert result.by_length["over 120"] == self_check.HiddenGaps()
+    assert result.by_length["over 120"] == self_check.HiddenGaps(missing=260)
     assert result.by_length["11-30"].gaps > 0
+    assert result.represented == pytest.approx(30 / 290)
+    assert (result.total.missing, result.by_length["11-30"].missing) == (290, 30)
+
+
+def test_error_bars_are_widened_by_what_was_found_and_never_narrowed():
+    # Gaps of 8 frames are twice as wrong as expected, gaps of 20 frames half as wrong; none of 150 frames fits.
+    take = gapped(400, 3, (0, 50, 58), (1, 200, 220), (2, 10, 395))
+    sd = np.full(take.trusted.shape, [1.0, 4.0, 1.0])
+    result = check(take, everything(take), Stub(take, np.full(3, 2.0), sd), Params(least=0.0))
+    factors = {name: found.factor for name, found in result.by_length.items()}
+    assert factors == {"1-10": pytest.approx(2.0), "11-30": 1.0, "over 120": 1.0}
+    assert result.by_length["1-10"].expected == pytest.approx(np.sqrt(3.0))
+    wide = self_check.widened(sd, take.trusted, result)
+    np.testing.assert_allclose(wide[50:58, 0], 2.0)
+    assert (wide[200:220, 1] == 4.0).all()
+    assert np.array_equal(wide[take.trusted], sd[take.trusted])
+
+
+def test_a_class_that_was_not_measured_has_the_larger_factor_of_its_neighbours():
+    measured = [1.5, None, None, 3.0, None]
+    found = {
+        f"class {k}": self_check.HiddenGaps(
+            missing=5,
+            gaps=int(factor is not None),
+            error=None if factor is None else metrics.Error(samples=5, rmse=1.0, rmse_3d=factor, largest=factor),
+            expected=None if factor is None else 1.0,
+        )
+        for k, factor in enumerate(measured)
+    }
+    factors = [each.factor for each in self_check._with_factors(found).values()]
+    assert factors == [1.5, 3.0, 3.0, 3.0, 3.0]
+    nothing = {"class": self_check.HiddenGaps(missing=5)}
+    assert self_check._with_factors(nothing)["class"].factor == 1.0
+
+
+def test_points_that_follow_a_hidden_marker_exactly_are_hidden_with_it():
+    take = gapped(400, 3, (0, 50, 70))
+    follower = take.positions[:, 0] + [30.0, 0, 40]
+    positions = np.concatenate([take.positions, follower[:, None]], axis=1)
+    trusted = np.concatenate([take.trusted, np.ones((400, 1), bool)], axis=1)
+    both = Take(positions=positions, trusted=trusted, markers=(*take.markers, "computed"), rate=100.0)
+    stub = Stub(both, np.ones(3))
+    result = check(both, everything(both), stub, Params(least=0.0))
+    (shown,) = stub.shown
+    hidden = both.trusted & ~shown.trusted
+    assert np.array_equal(hidden[:, 0], hidden[:, 3])
+    assert hidden[:, 0].sum() == 20
+    # The point itself is not what was asked for.
+    assert result.total.samples == 20

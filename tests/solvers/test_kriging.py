@@ -57,7 +57,7 @@ def test_a_marker_of_a_rigid_segment_comes_back_to_its_noise():
 
 
 def test_a_whole_segment_lost_is_bridged_with_a_larger_sd():
-    truth = body()
+    truth = body(noise=0.02)
     missing = missing_of([(k, 200, 230) for k in range(10, 15)])
     alone = missing_of([(12, 200, 230)])
     solution = run_method("kriging", take_of(truth, missing), Params())
@@ -98,20 +98,20 @@ def test_error_bars_cover_90_percent_of_the_errors():
 
 
 def test_rigid_pairs_keep_their_lengths():
-    truth = body()
-    length = np.linalg.norm(truth[0, 1] - truth[0, 0])
+    truth = body(noise=0.02)
+    length = np.linalg.norm(truth[:, 1] - truth[:, 0], axis=1).mean()
     missing = block_loss(600, 15, 60, 3, np.random.default_rng(1))
     solution = run_method("kriging", take_of(truth, missing), Params(bone_spread=0.05))
     filled = np.where(missing[..., None], solution.positions, truth)
     stretch = np.linalg.norm(filled[:, 1] - filled[:, 0], axis=1) - length
-    assert np.abs(stretch).max() < 0.05
+    assert rms(stretch[missing[:, [0, 1]].any(axis=1)]) < 0.05
 
 
 def test_a_gap_whose_neighbours_go_is_filled_in_segments():
     missing = missing_of([(1, 100, 200), *((k, 150, 200) for k in (0, 2, 3, 4))])
-    state = TakeState(take_of(body(), missing), Params())
+    state = TakeState(take_of(body(noise=0.02), missing), Params())
     assert split_gap(state.known, state.distances.weights(1), 100, 200) == [(100, 150), (150, 200)]
-    solution = run_method("kriging", take_of(body(), missing), Params())
+    solution = run_method("kriging", take_of(body(noise=0.02), missing), Params())
     assert solution.filled[missing].all()
 
 
@@ -177,7 +177,7 @@ def test_markers_that_are_lost_together_at_the_end_do_not_mislead_each_other():
 
 
 def test_a_marker_that_is_seldom_trusted_is_filled():
-    truth = body()
+    truth = body(noise=0.02)
     missing = missing_of([(0, start, start + 49) for start in range(1, 551, 50)] + [(0, 551, 600)])
     solution = run_method("kriging", take_of(truth, missing), Params())
     assert solution.filled[missing].all()
@@ -200,3 +200,16 @@ def test_a_knee_between_hip_and_ankle_is_predicted_on_its_circle(rng):
     missing[400:520, 1] = True
     solution = run_method("kriging", take_of(truth, missing), Params())
     assert rms((solution.positions - truth)[missing]) < 2.0
+
+
+def test_a_point_computed_from_a_marker_is_no_neighbour_of_it():
+    truth = body(noise=0.3)
+    missing = missing_of([(1, 100, 220)])
+    # A point that follows marker 1 exactly, and that has a fault of its own where the marker is distrusted.
+    follower = truth[:, 1] + [40.0, 0, 60]
+    follower[100:220] += 200.0
+    both = np.concatenate([truth, follower[:, None]], axis=1)
+    wide = np.concatenate([missing, np.zeros((600, 1), bool)], axis=1)
+    alone = run_method("kriging", take_of(truth, missing), Params())
+    together = run_method("kriging", take_of(both, wide), Params())
+    assert rms((together.positions[:, :15] - alone.positions)[missing]) < 0.1

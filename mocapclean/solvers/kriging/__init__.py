@@ -12,6 +12,9 @@ the gap in which k is known; it is held out and predicted as the gap is. The sam
 every filled sample: their size, the variance of g over the gap, and how much more the predictors disagree in the gap
 than in windows.
 
+Two more predictors use the marker's own path alone: it stays, or moves on as it did. A gap is predicted from them where
+they err clearly less on windows that resemble the gap (``gap_segment``).
+
 Near neighbours at a nearly constant distance from k weigh most. Gaps of up to 1/24 s are bridged over time first, and
 then count as known. A gap whose neighbours come and go is filled in segments. Where most frames lack neighbours, later
 passes learn from the samples that earlier ones filled. Filled samples are moved so that the bones of a skeleton, and
@@ -70,7 +73,9 @@ class Params:
 
 
 def solve(take: Take, params: Params, fillable: Bools, wanted: Bools) -> Solution:
-    """Return a Solution that fills short gaps, and those wanted long gaps that have neighbours and enough samples.
+    """Return a Solution with every gap filled that has known samples beside it or known neighbours.
+
+    Gaps at the ends of the take are included; a marker needs ten known samples.
 
     wanted: (F, M) bool, the samples whose gaps need a fill; other gaps are filled only where these learn from them.
     ``sd`` is given for every filled sample.

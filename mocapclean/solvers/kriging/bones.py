@@ -6,6 +6,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.bone_projection import project_to_bone_lengths
+from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 from mocapclean.take import Take
 from mocapclean.take.bones import known_bones, rigid_pairs
 
@@ -26,11 +27,19 @@ class Bones:
     spreads: Floats
 
     @classmethod
-    def of_take(cls, take: Take, max_spread: float) -> "Bones":
-        """Return the skeleton's bones, and the rigid pairs whose distance has an SD of at most ``max_spread`` mm."""
+    def of_take(cls, take: Take, max_spread: float, distances: NeighbourDistances) -> "Bones":
+        """Return the skeleton's bones, and the rigid pairs whose distance has an SD of at most ``max_spread`` mm.
+
+        distances: those that tell neighbours; a pair of which one is computed from the other is no bone.
+        """
         columns = {name: column for column, name in enumerate(take.markers)}
         known = known_bones(take.markers, take.skeleton) if take.skeleton else ()
-        measured = [bone for bone in rigid_pairs(take) if bone.spread <= max_spread]
+        neighbours = np.isfinite(distances.variance)
+        measured = [
+            bone
+            for bone in rigid_pairs(take)
+            if bone.spread <= max_spread and neighbours[columns[bone.start], columns[bone.end]]
+        ]
         # The skeleton's length replaces a measured one of the same pair.
         bones = {frozenset((bone.start, bone.end)): bone for bone in (*measured, *known)}.values()
         ends = np.array([(columns[bone.start], columns[bone.end]) for bone in bones], dtype=np.intp).reshape(-1, 2)

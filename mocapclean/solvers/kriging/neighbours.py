@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.geometry.distances import distances_of_each
+from mocapclean.geometry.distances import distances_of_each, exact_pairs
 from mocapclean.solvers.kriging.frame_selection import spread_out
 
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
@@ -42,7 +42,7 @@ class NeighbourDistances:
         """
         mean, variance = distances_of_each(positions, trusted, _sampled)
         if not exact:
-            variance[variance < (EXACT_SHARE * rigidity) ** 2] = np.inf
+            variance[exact_pairs(np.sqrt(variance), EXACT_SHARE * rigidity)] = np.inf
         return cls(mean, variance, rigidity)
 
     def weights(self, marker: int, looseness: float = 1.0) -> Floats:

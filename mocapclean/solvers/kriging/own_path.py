@@ -22,7 +22,7 @@ Chosen by hand; no sweep was kept.
 """
 
 WeightsFor = Callable[[Ints, Ints, int], tuple[Floats, Floats]]
-"""Returns weights (kernels, n, k) of samples at frames (k,) at the frames (n,) of a stretch, and variances (kernels, n).
+"""Returns the weights (K, n, k) of samples at frames (k,) at the frames (n,) of a stretch, and the variances (K, n).
 
 The frames are counted from the first one of the stretch, whose length is the last argument.
 """

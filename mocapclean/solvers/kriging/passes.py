@@ -80,7 +80,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
         if len(spans) > 1:
             split.append(gap)
             alone = GapSegment(state, *gap, alone=True).fill()
-            if alone and _surer(alone, answers):
+            if alone and _has_less_variance(alone, answers):
                 spans, answers = [(gap.start, gap.stop)], [alone]
         for (first, last), answer in zip(spans, answers, strict=True):
             if answer:
@@ -92,7 +92,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
     return PassOutcome(incomplete, split)
 
 
-def _surer(alone: Answer, answers: list[Answer | None]) -> bool:
+def _has_less_variance(alone: Answer, answers: list[Answer | None]) -> bool:
     """Whether the answer of a whole gap has a much smaller variance than those of its segments, or one has none."""
     answered = [answer for answer in answers if answer]
     if len(answered) < len(answers):

@@ -60,8 +60,8 @@ def bridge_short_gaps(
     """Return positions (F, M, 3) with the short gaps filled, and the SD (F, M) of the filled samples, mm.
 
     The SD is that of each coordinate, from the errors of the same prediction on known samples, spread over the gap as
-    the kriging variance is. It is NaN where nothing is filled. rate: Hz. step: every how many-th sample a gap is bridged
-    from, on each side of it.
+    the kriging variance is. It is NaN where nothing is filled. rate: Hz. step: every how many-th sample on each side
+    of a gap it is bridged from.
     """
     filled, sd = positions.copy(), np.full(trusted.shape, np.nan)
     kriging = DriftKriging(rate)

@@ -34,11 +34,11 @@ class TakeState:
     def __init__(self, take: Take, params: "Params") -> None:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.bridge_weights, self.drift_kriging = BridgeWeights(take.rate), DriftKriging(take.rate)
-        self.bones = Bones.of_take(take, params.bone_spread)
         interpolated = interpolation.linear(take.positions, take.trusted)
         self.distances = NeighbourDistances.measured(
             interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None
         )
+        self.bones = Bones.of_take(take, params.bone_spread, self.distances)
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
         # A neighbour in a gap at an end of the take is not used: markers lost together there would mislead each other.
         usable = take.trusted | (self.known & enclosed(take.trusted))

@@ -57,6 +57,6 @@ def test_a_joint_on_the_line_has_no_frame(rng):
 def test_the_ends_are_rigid_with_the_joint_and_not_with_each_other(rng):
     (hip, knee, ankle), _ = leg(rng, 200)
     positions = np.stack([hip, knee, ankle, knee + 5000 * rng.normal(size=(200, 3))], axis=1)
-    distances = NeighbourDistances.measured(positions, np.ones((200, 4), bool), 2.0)
+    distances = NeighbourDistances.measured(positions, np.ones((200, 4), bool), 2.0, exact=True)
     assert find_ends(distances, 1, np.array([0, 2, 3])) == [0, 1]
     assert find_ends(distances, 1, np.array([0, 3])) == []
