@@ -46,7 +46,7 @@ class Evidence:
     def exchanges(self) -> tuple[Exchange, ...]:
         """Return the pairs of markers whose labels are exchanged for a time; detached ones have none."""
         judged = self.plausible & ~self.take.detached
-        return exchanges(np.where(judged[..., None], self.take.positions, np.nan), self.rigid)
+        return exchanges(np.where(judged[..., None], self.take.positions, np.nan), self.rigid, self.take.rate)
 
     @cached_property
     def analysis(self) -> PathAnalysis:

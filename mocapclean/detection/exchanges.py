@@ -1,15 +1,17 @@
 """Find two markers that carry each other's label for some frames, and undo the exchange.
 
 Where the labels change, the path of each marker continues in the other; the distances to rigid partners confirm it.
+Across a gap of both no path shows it, and the distances before and after the gap are compared.
 
 The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 (docs/results.md); no sweep was kept.
 """
 
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats
+from mocapclean.arrays import Bools, Floats, runs
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics.robust import nan_median
 
@@ -17,6 +19,9 @@ _LEAST_BREAK = 25.0  # mm, second difference of a path beyond which its label ma
 _MOST_ERROR = 0.35  # share of the prediction error that may be left when two paths are exchanged
 _CLOSEST_PARTNERS = 5  # partners whose distances confirm an exchange
 _DISTANCE_SLACK = 3.0  # mm, added to the robust SD of a distance
+_GAP_WINDOW_SECONDS = 1.0  # s, time on each side of a gap of both markers that distances are taken over
+_FEWEST_SEEN = 5  # frames of such a window in which two markers must be seen
+_LEAST_CHANGE = 15.0  # mm, mean change of the distances over a gap from which on an exchange is considered
 _LEAST_ERROR = 1e-9  # mm, keeps paths without any error from a division by 0
 _TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation
 
@@ -35,14 +40,17 @@ class Exchange:
     after: float
 
 
-def exchanges(positions: Floats, rigid: Rigidity) -> tuple[Exchange, ...]:
-    """Return all exchanges in positions (F, M, 3), NaN where not trusted.
+def exchanges(positions: Floats, rigid: Rigidity, rate: float) -> tuple[Exchange, ...]:
+    """Return all exchanges in positions (F, M, 3), NaN where not trusted, taken at ``rate`` Hz.
 
     The labels are exchanged from every odd change to the next; with an odd number of changes, on the shorter side of
     the last. An exchange must lower the error of the distances to rigid partners.
     """
-    confirmed = []
-    for (first, second), changes in sorted(_label_changes(positions).items()):
+    confirmed, all_changes = [], _label_changes(positions)
+    for pair, frame in _changes_over_gaps(positions, round(_GAP_WINDOW_SECONDS * rate)):
+        all_changes.setdefault(pair, []).append(frame)
+    for (first, second), changes in sorted(all_changes.items()):
+        changes.sort()
         both = np.isfinite(positions[:, [first, second], 0]).all(axis=1)
         frames = (np.searchsorted(changes, np.arange(len(positions)), side="right") % 2 == 1) & both
         if len(changes) % 2 and 2 * frames.sum() > both.sum():
@@ -88,6 +96,54 @@ def _label_changes(positions: Floats) -> dict[tuple[int, int], list[int]]:
             changes.setdefault((pair[0], pair[1]), []).append(int(frame))
             ratio[[a, b]] = ratio[:, [a, b]] = np.inf
     return changes
+
+
+def _changes_over_gaps(positions: Floats, window: int) -> list[tuple[tuple[int, int], int]]:
+    """Return pairs of markers that change labels over a gap of both, and the first frame after it.
+
+    The distances to the five most rigid others must agree three times better with those before the gap if the labels
+    are exchanged. They are medians over ``window`` frames on each side.
+    """
+    seen = np.isfinite(positions[..., 0])
+    gaps = [
+        [span for span in runs(~seen[:, m]).tolist() if 0 < span[0] and span[1] < len(seen)]
+        for m in range(len(seen[0]))
+    ]
+    changes = []
+    for first, second in combinations([m for m, spans in enumerate(gaps) if spans], 2):
+        for start, stop in _common_gaps(gaps[first], gaps[second]):
+            before, after = positions[max(0, start - window) : start], positions[stop : stop + window]
+            if _exchange_fits(before, after, first, second):
+                changes.append(((first, second), stop))
+    return changes
+
+
+def _common_gaps(one: list[list[int]], other: list[list[int]]) -> list[tuple[int, int]]:
+    """Return the spans from the first to the last frame of each two gaps, of two markers, that overlap."""
+    pairs = [(a, b) for a in one for b in other if a[0] < b[1] and b[0] < a[1]]
+    return sorted({(min(a[0], b[0]), max(a[1], b[1])) for a, b in pairs})
+
+
+def _exchange_fits(before: Floats, after: Floats, first: int, second: int) -> bool:
+    """Whether the distances of two markers after a gap fit those before it only if they carry each other's label."""
+    medians, spreads = [], []
+    for part in (before, after):
+        distances = np.linalg.norm(part[:, [first, second], None] - part[:, None], axis=3)
+        often = np.isfinite(distances).sum(axis=0) >= _FEWEST_SEEN
+        medians.append(np.where(often, nan_median(distances), np.nan))
+        spreads.append(_TO_SD * nan_median(np.abs(distances - medians[-1])))
+    # The spread of a distance, over both markers and both sides of the gap; NaN where one of them is unknown.
+    spread = np.sum(spreads, axis=(0, 1))
+    spread[[first, second]] = np.nan
+    closest = np.argsort(spread)[:_CLOSEST_PARTNERS]
+    closest = closest[np.isfinite(spread[closest])]
+    if not len(closest):
+        return False
+    old, new, weight = medians[0][:, closest], medians[1][:, closest], 1.0 / (spread[closest] + _DISTANCE_SLACK)
+    as_labelled, exchanged = (
+        np.average(np.abs(order - old).mean(axis=0), weights=weight) for order in (new, new[::-1])
+    )
+    return bool(as_labelled >= _LEAST_CHANGE and exchanged < _MOST_ERROR * as_labelled)
 
 
 def _prediction_errors(paths: Floats, frame: int) -> Floats:
