@@ -362,6 +362,10 @@ def test_swaps_are_put_back_to_the_last_bit(box):
     fixed = detect(injected.take, fix_swaps=True)
     np.testing.assert_array_equal(fixed.positions, box.positions)
     np.testing.assert_array_equal(fixed.moved, injected.faulty)
+    told = np.zeros_like(fixed.moved)
+    for pair in fixed.exchanged:
+        told[pair.start : pair.stop, [box.markers.index(pair.first), box.markers.index(pair.second)]] = True
+    np.testing.assert_array_equal(told, injected.faulty)
     assert fixed.trusted.all()
     assert not detect(injected.take).trusted[injected.faulty].any()
 
