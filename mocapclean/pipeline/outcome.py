@@ -122,7 +122,8 @@ class Outcome:
     """What happened to one take: everything that a report shows, so that a report computes nothing.
 
     status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
-    largest_move: mm, the largest distance between a replaced sample in the file and in the output.
+    largest_move: mm, the largest distance between a replaced sample in the file and in the output. outdated: the
+    carried points that may have been computed from a changed marker.
     Lengths are millimetres, spans are half-open indices.
     """
 
@@ -148,6 +149,7 @@ class Outcome:
     largest_move: float | None = None
     gaps: tuple[GapReport, ...] = ()
     findings: tuple[Finding, ...] = ()
+    outdated: tuple[str, ...] = ()
     solution: Mapping[str, Any] = field(default_factory=dict)
     reference: Path | None = None
     accuracy: Error | None = None

@@ -56,7 +56,9 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     whole = _read(source, settings)
     excluded = np.zeros(len(whole.markers), dtype=bool)
     for pattern in settings.exclude:
-        excluded[matching(pattern, whole.markers, "--exclude")] = True
+        # A pattern of carried points alone excludes nothing, because they are left out already.
+        if matching_columns(pattern, whole.markers) or not matching_columns(pattern, formats.carried(whole)):
+            excluded[matching(pattern, whole.markers, "--exclude")] = True
     if excluded.all():
         raise UsageError(f"{source}: --exclude must leave at least one marker.")
     columns = np.flatnonzero(~excluded)

@@ -102,6 +102,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
             method=settings.method,
             choice=choice,
             parameters=asdict(settings.params),
+            outdated=formats.outdated(written),
             solution=_facts(solution),
             self_check=checked,
             fitting=metrics.error(merged.positions, after.positions, after.changed),

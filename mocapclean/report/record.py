@@ -130,6 +130,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
         },
         "self_check": _plain(outcome.self_check),
         "stored_minus_solved": _plain(outcome.fitting),
+        "outdated_points": list(outcome.outdated),
         "bones": {
             "from": outcome.bones_from,
             "skeleton_rmse": {"before": outcome.skeleton_rmse[0], "after": outcome.skeleton_rmse[1]},

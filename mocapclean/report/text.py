@@ -9,6 +9,7 @@ from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, V
 from mocapclean.take import Finding
 
 _LABEL_WIDTH = 12  # characters of the left column
+_FEW_NAMES = 4  # most names of a list in one line
 _ERROR_COLUMNS = ("RMSE mm", "3D mm", "largest mm")
 
 
@@ -28,6 +29,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         *_self_check(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
+        *_outdated(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
     ]
@@ -283,6 +285,14 @@ def _stored(outcome: Outcome) -> Iterable[str]:
             "fitted",
             f"{distance.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {distance.largest:.1f} mm",
         )
+
+
+def _outdated(outcome: Outcome) -> Iterable[str]:
+    """Yield how many carried points may no longer agree with the markers that they were computed from."""
+    if outcome.outdated:
+        names = ", ".join(outcome.outdated[:_FEW_NAMES]) + (", ..." if len(outcome.outdated) > _FEW_NAMES else "")
+        points = _count(len(outcome.outdated), "carried point")
+        yield _line("out of date", f"{points} may follow from repaired markers ({names}); compute them anew")
 
 
 def _bones(outcome: Outcome) -> Iterable[str]:
