@@ -183,7 +183,10 @@ def test_an_input_that_changed_since_reading_is_not_patched(path, tmp_path):
 def test_joints_can_be_exported_as_c3d_and_poses_not_to_a_skeleton_of_another_kind(tmp_path):
     take = mocapclean.read(SAMPLES / "walk.bvh")
     mocapclean.write(take, tmp_path / "joints.c3d")
-    back = mocapclean.read(tmp_path / "joints.c3d")
+    # A joint in the place of another one is read as a copy of it, unless it is asked for.
+    copies = ("LeftShoulder", "RightShoulder")
+    assert set(take.markers) - set(mocapclean.read(tmp_path / "joints.c3d").markers) == set(copies)
+    back = mocapclean.read(tmp_path / "joints.c3d", points=copies)
     np.testing.assert_array_equal(back.trusted, take.trusted)
     np.testing.assert_allclose(back.positions[take.trusted], take.positions[take.trusted], atol=1e-3)
     with pytest.raises(UsageError, match=r"joints\.amc: the bones of an \.asf skeleton must"):

@@ -38,7 +38,7 @@ def span(start, stop, marker):
 
 def test_one_line_in_the_registry_makes_a_rule(take, monkeypatch):
     monkeypatch.setitem(RULES, "toy", rule("toy", lambda take: span(5, 9, 2)))
-    result = detect(take, {"toy": Switch()})
+    result = detect(take, {"toy": Switch(replace="always")})
     np.testing.assert_array_equal(result.trusted, take.trusted & ~span(5, 9, 2))
     assert [(f.rule, f.level, f.marker, f.frames) for f in result.findings] == [("toy", "warning", "C", (5, 9))]
     assert "toy" in {finding.rule for finding in detect(take).findings}
@@ -49,7 +49,10 @@ def test_no_rule_raises_trust(take, monkeypatch):
     monkeypatch.setitem(RULES, "mild", rule("mild", lambda take: np.zeros((20, 4), dtype=bool)))
     monkeypatch.setitem(RULES, "strict", rule("strict", lambda take: span(0, 4, 0)))
     monkeypatch.setitem(RULES, "opposite", rule("opposite", lambda take: ~take.trusted, AFTER_OTHERS=True))
-    result = detect(take, {"strict": Switch(), "mild": Switch(), "opposite": Switch()})
+    result = detect(
+        take,
+        {"strict": Switch(replace="always"), "mild": Switch(replace="always"), "opposite": Switch(replace="always")},
+    )
     np.testing.assert_array_equal(result.trusted, take.trusted & ~span(0, 4, 0))
 
 
@@ -59,7 +62,7 @@ def test_no_rule_can_change_the_take(take, monkeypatch):
 
     monkeypatch.setitem(RULES, "toy", rule("toy", trust_all))
     with pytest.raises(ValueError, match="read-only"):
-        detect(take, {"toy": Switch()})
+        detect(take, {"toy": Switch(replace="always")})
 
 
 @pytest.mark.parametrize("declared", [{}, {"AFTER_OTHERS": True}])
@@ -72,5 +75,5 @@ def test_a_rule_after_the_others_sees_what_they_trust(take, monkeypatch, declare
 
     monkeypatch.setitem(RULES, "onlooker", rule("onlooker", look_on, **declared))
     monkeypatch.setitem(RULES, "toy", rule("toy", lambda take: span(5, 9, 2)))
-    detect(take, {"onlooker": Switch(), "toy": Switch()})
+    detect(take, {"onlooker": Switch(replace="always"), "toy": Switch(replace="always")})
     np.testing.assert_array_equal(trust_seen, [take.trusted & ~span(5, 9, 2) if declared else take.trusted])

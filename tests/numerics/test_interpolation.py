@@ -40,4 +40,4 @@ def test_monotone_needs_two_samples_and_reads_no_others():
 def test_fillable_and_enclosed():
     trusted = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 0], [0, 1, 0], [1, 1, 0], [0, 1, 0]], dtype=bool)
     assert fillable(trusted).astype(int).tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0], [1, 0, 0]]
-    assert enclosed(trusted).astype(int).tolist() == [[0, 0, 0], [0, 1, 0], [0, 0, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]]
+    assert enclosed(trusted).astype(int).tolist() == [[0, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 0], [0, 0, 0], [0, 0, 0]]

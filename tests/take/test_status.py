@@ -91,11 +91,21 @@ def test_each_reason_is_recorded_where_it_is_decided(broken):
     assert gaps["M2", 50] == Status.FILLED
     assert gaps["M2", 90] == Status.TOO_LONG
     assert gaps["M3", 190] == Status.AT_END
-    assert gaps["M2", 160] == Status.NOTHING_SEEN
+    assert gaps["M2", 160] == Status.FILLED
     assert outcome.statuses[Status.TOO_LONG] == 50
     assert sum(outcome.statuses.values()) == outcome.counts.samples
     gaps, _ = statuses(broken, markers=["M2"])
     assert gaps["M4", 20] == Status.NOT_ASKED_FOR
+
+
+def test_a_dropout_of_all_markers_is_left_where_it_is_longer_than_a_path_over_time_bridges(tmp_path):
+    points = np.zeros((200, 4, 4))
+    points[..., :3] = 100 * np.arange(1, 5)[:, None] + 50 * np.sin(np.arange(200) / 20)[:, None, None]
+    points[100:150] = [0, 0, 0, -1]
+    path = tmp_path / "take.c3d"
+    path.write_bytes(C3D(points, is_float=False).build())
+    assert set(statuses(path, method="svt")[0].values()) == {Status.NOTHING_SEEN}
+    assert set(statuses(path, method="linear")[0].values()) == {Status.FILLED}
 
 
 def test_distrusted_samples_that_a_method_supplies_are_replaced(broken, tmp_path):
