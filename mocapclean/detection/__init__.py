@@ -11,9 +11,9 @@ finding that acts is not trusted; those of a suspicion stay trusted. Where sever
 stays, that of the first in ``RULES`` that acts, and names the others.
 """
 
+import dataclasses
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-import dataclasses
 from types import ModuleType
 from typing import Any
 

