@@ -35,8 +35,7 @@ class PathAnalysis:
     position less the predicted one in the axes of the segment, with the steps removed, NaN in holds. threshold: the
     innovation above which a frame is a break. deviation: the distance from the path of the marker, 0 on it. bursts: the
     samples in bursts of noise. predicted: (M,), whether a marker is predicted. leaps: marker, last frame before and
-    first frame after each leap: a link of a path that nothing explains. breaks: (F, M), the frames at which a path
-    breaks.
+    first frame after each leap: a link of a path that nothing explains. breaks: (F, M), where a path breaks.
     """
 
     holds: tuple[Hold, ...]

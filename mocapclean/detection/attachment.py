@@ -20,6 +20,8 @@ _BLOCKS = 5  # blocks of a marker's samples; each is predicted from what the oth
 _WINDOW_SECONDS = 0.5  # s, time over which the change of a position is predicted
 _WINDOW_BLOCKS = 2  # windows, at least, that fit into a block
 _VELOCITY_SHARE = 0.2  # share of the window before it over which the velocity is taken
+_FEWEST_FRAMES = 600  # frames, at least, that remain of a take of which only every few are used; chosen for speed
+_LEAST_RATE = 30.0  # Hz, least rate of these frames
 _CLEARLY = 0.5  # share of the mean error of the guess that shows a segment where the median does not
 
 
@@ -35,6 +37,9 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     """
     still = still_samples(positions, trusted)
     judged = trusted & ~(still & ~mostly_still(still, trusted))
+    # Every few frames are enough for windows of half a second.
+    thinned = max(1, min(len(judged) // _FEWEST_FRAMES, int(rate / _LEAST_RATE)))
+    positions, judged, rate = positions[::thinned], judged[::thinned], rate / thinned
     filled = interpolation.linear(positions, judged)
     found = _are_attached(filled, judged, rigid, rate, np.ones(len(judged[0]), dtype=bool))
     left = ~found & (judged.sum(axis=0) > 0)
@@ -69,7 +74,7 @@ def _blocks(trusted: Bools) -> Ints:
 
 def _is_attached(path: Floats, residual: Floats, block: Ints, rate: float) -> bool:
     """Whether one marker's changes are predicted better than guessed; path, residual: (F, 3), block: (F,)."""
-    size = int((block >= 0).sum()) // _BLOCKS
+    size = int(np.count_nonzero(block >= 0)) // _BLOCKS
     length = max(1, min(round(_WINDOW_SECONDS * rate), size // _WINDOW_BLOCKS))
     before = max(1, round(_VELOCITY_SHARE * length))
     start = np.arange(before, len(path) - length)

@@ -10,10 +10,9 @@ import numpy as np
 
 from mocapclean.arrays import Bools
 from mocapclean.detection.marker_paths import CLOSEST_PARTNERS, MarkerPaths
-from mocapclean.detection.steps import LEAST_SCORE, LEAST_STEP, Step, is_certain, least_score
+from mocapclean.detection.steps import ENOUGH_PAIRS, LEAST_SCORE, LEAST_STEP, Step, is_certain, least_score
 
 _LEAST_SHARE = 0.6  # share of the least score below which no evidence makes a step credible
-_ENOUGH_PAIRS = 2  # rigid pairs that must change to show a step by themselves
 _LEAST_AGREEMENT = 0.2  # agreement with the distances to partners that corroborates a slide
 _LEAST_RIVAL = 0.5  # share of a step's score from which on a partner's step may be its cause
 _EVEN = 0.7  # share of a step's score from which on a partner's step is about as large
@@ -65,12 +64,12 @@ def _may_be_outliers(step: Step, suspect: Bools, paths: MarkerPaths) -> bool:
     """
     reliable = ~suspect[paths.body.pairs.changed(step.marker, step.start)]
     involved = [step.marker, *paths.body.rigid.partners(step.marker)[0][:CLOSEST_PARTNERS]]
-    return bool(reliable.sum() < _ENOUGH_PAIRS and suspect[involved].any())
+    return bool(reliable.sum() < ENOUGH_PAIRS and suspect[involved].any())
 
 
 def _is_corroborated(step: Step, paths: MarkerPaths) -> bool:
     """Whether a step is certain, sudden, or shown by two rigid pairs or by the distances to partners."""
-    if step.sudden or is_certain(step) or step.changed_pairs >= _ENOUGH_PAIRS:
+    if step.sudden or is_certain(step) or step.changed_pairs >= ENOUGH_PAIRS:
         return True
     return paths.agreement(step) >= _LEAST_AGREEMENT
 

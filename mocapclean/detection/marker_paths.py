@@ -181,7 +181,7 @@ class MarkerPaths:
 
 
 def _guide(filled: Floats, prediction: Prediction) -> Floats:
-    """Return positions (F, M, 3) whose acceleration is the marker's own motion: predicted, or its smoothed path."""
+    """Return positions (F, M, 3) that accelerate as the markers do: the predicted ones, or else smoothed paths."""
     guide, alone = prediction.positions.copy(), ~prediction.predicted
     if alone.any():
         guide[:, alone] = median_filter(filled[:, alone], size=(_SMOOTHED, 1, 1), mode="nearest")

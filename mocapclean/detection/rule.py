@@ -56,14 +56,14 @@ def findings(
 def leap(rule: str, take: Take, marker: int, frames: tuple[int, int], message: str, advice: str) -> Finding:
     """Return a suspicion about a step of a marker between two frames, of which neither side is known to be wrong."""
     before, after = frames
-    duration = "one frame" if after - before == 1 else f"{after - before} frames"
     size = float(np.linalg.norm(take.positions[after, marker] - take.positions[before, marker]))
+    time = "one frame" if after - before == 1 else f"{after - before} frames"
     return Finding(
         rule=rule,
         level="warning",
         marker=take.markers[marker],
         frames=(before, after + 1),
-        message=f"moves {size:.0f} mm within {duration} and {message}",
+        message=f"moves {size:.0f} mm within {time} and {message}",
         advice=advice,
         suspicion=True,
     )

@@ -4,6 +4,7 @@ import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from mocapclean.detection.rule import duration
 from mocapclean.errors import UsageError
 from mocapclean.take import Finding, Take
 from mocapclean.take.names import similar_names
@@ -70,6 +71,6 @@ def distrust(take: Take, spans: tuple[Span, ...]) -> Take:
             )
         start, stop = span.first - first, span.last - first + 1
         trusted[start:stop, columns[span.marker]] = False
-        message = f"distrusted for {stop - start} frames by {span.place}"
+        message = f"distrusted {duration(start, stop)} by {span.place}"
         findings.append(Finding(rule="user", marker=span.marker, frames=(start, stop), message=message))
     return replace(take, trusted=trusted, findings=(*take.findings, *findings))

@@ -14,6 +14,7 @@ SLIDE_SECONDS = 0.5  # longest slide that leads to a step, s
 SNAP = 10  # frames on each side of a step among which its largest rise is looked for
 _SHARE_WITH_DISTANCES = 0.8  # share of the least score that is enough where the distances to partners agree
 _SHARE_WITH_BREAK = 0.6  # the same where a rigid pair changes its distance, or the step is a break
+ENOUGH_PAIRS = 2  # rigid pairs that must change to show a step by themselves: one may be its partner's fault
 _SAME_TIME = 0.01  # share of the frames of the take that steps at the same time may lie apart, besides SNAP
 
 
@@ -36,10 +37,8 @@ class Step:
 
 
 def least_score(step: Step, least: float = LEAST_SCORE) -> float:
-    """Return the score that a credible step must reach: ``least``, or a share of it where other evidence supports the
-    step.
-    """
-    if step.changed_pairs or step.sudden:
+    """Return the least score of a credible step: ``least``, or a share of it where other evidence shows the step."""
+    if step.changed_pairs >= ENOUGH_PAIRS or step.sudden:
         return least * _SHARE_WITH_BREAK
     return least * (_SHARE_WITH_DISTANCES if step.distances_agree else 1.0)
 

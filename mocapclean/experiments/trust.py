@@ -2,9 +2,11 @@
 
 This experiment is from no paper; ``simulate.inject`` makes the faults. A row is one take with one set of rules. ``all``
 is the default of ``detect``; ``tdd`` and the other rules run alone; ``hampel`` is the Hampel filter; ``truth`` is the
-faults themselves. An event is found if at least half of its samples are distrusted. Samples within 2 frames of a fault
-count as neither right nor wrong. The error after a fill is measured with the first seed only, because the fill takes
-longest. Rules that run alone share the evidence of a take, whose time is in the seconds of the first of them.
+faults themselves. A sample is doubted if a finding names it, whether it is distrusted or a suspicion. An event is found
+if at least half of its samples are doubted, and repaired if the defaults distrust half of them. Samples within 2 frames
+of a fault count as neither right nor wrong. The error after a fill of all doubted samples is measured with the first
+seed only, because the fill takes longest. Rules that run alone share the evidence of a take, whose time is in the
+seconds of the first of them.
 """
 
 from dataclasses import replace
@@ -38,6 +40,9 @@ MEASURES = (
     "right",
     "wrong",
     "wrong_anew",
+    "repaired",
+    "replaced",
+    "replaced_wrong",
     "swaps_exact",
     "rmse",
     "seconds",
@@ -74,30 +79,35 @@ def trials(request: Request) -> list[Trial]:
 
 
 def run(capture: Capture, entry: Entry, rules: str, size: int, seed: int) -> TrialResult:
-    """Return the events that a set of rules finds, its distrusted samples, and the error after the fill."""
+    """Return the events that a set of rules finds, its doubted samples, and the error after they are filled."""
     clean, (injected, evidence) = capture.take, _injected(capture, size, seed)
     begin = perf_counter()
-    distrusted = _distrusted(injected, evidence, rules)
+    doubted = _doubted(injected, evidence, rules)
     seconds = perf_counter() - begin
     near = _widened(injected.faulty)
     measures: dict[str, float | int] = {
         "samples": int(clean.trusted.sum()),
         "faulty": int(injected.faulty.sum()),
-        "right": int((distrusted & injected.faulty).sum()),
-        "wrong": int((distrusted & ~near).sum()),
+        "right": int((doubted & injected.faulty).sum()),
+        "wrong": int((doubted & ~near).sum()),
         "seconds": seconds,
     }
+    if rules == "all":
+        replaced = _replaced(injected.take)
+        shares = [float(replaced[injected.samples(event)].mean()) for event in injected.events]
+        measures |= {"replaced": int(replaced.sum()), "replaced_wrong": int((replaced & ~near).sum())}
+        measures["repaired"] = sum(share >= 0.5 for share in shares)
     if size == 0:
         return measures, {}
-    measures["wrong_anew"] = int((distrusted & ~near & ~_natural(capture, rules)).sum())
+    measures["wrong_anew"] = int((doubted & ~near & ~_natural(capture, rules)).sum())
     for kind in FAULTS:
         events = [event for event in injected.events if event.kind == kind]
-        shares = [float(distrusted[injected.samples(event)].mean()) for event in events]
+        shares = [float(doubted[injected.samples(event)].mean()) for event in events]
         measures |= {f"{kind} events": len(events), f"{kind} found": sum(share >= 0.5 for share in shares)}
     if rules == "all":
         measures["swaps_exact"] = _exact(clean, injected)
     if seed == 0:
-        measures["rmse"] = _error(clean, injected, distrusted, entry)
+        measures["rmse"] = _error(clean, injected, doubted, entry)
     return measures, {}
 
 
@@ -113,21 +123,27 @@ def _injected(capture: Capture, size: int, seed: int) -> tuple[Injected, Evidenc
 
 @lru_cache(maxsize=len(SETS))
 def _natural(capture: Capture, label: str) -> Bools:
-    """Return the samples (F, M) that a set of rules distrusts in the take as it is."""
-    return _distrusted(*_injected(capture, 0, 0), label)
+    """Return the samples (F, M) that a set of rules doubts in the take as it is."""
+    return _doubted(*_injected(capture, 0, 0), label)
 
 
-def _distrusted(injected: Injected, evidence: Evidence, label: str) -> Bools:
-    """Return the samples (F, M) that a set of rules distrusts."""
+def _replaced(take: Take) -> Bools:
+    """Return the samples (F, M) that the defaults of ``detect`` distrust."""
+    return np.asarray(take.trusted & ~detect(take).trusted)
+
+
+def _doubted(injected: Injected, evidence: Evidence, label: str) -> Bools:
+    """Return the samples (F, M) that a set of rules doubts."""
     take = injected.take
     if label == "truth":
         return injected.faulty
     if label == "hampel":
         return hampel(take.positions, take.trusted)
     if label == "all":
-        return take.trusted & ~detect(take).trusted
-    distrusted: Bools = RULES[label].examine(evidence, RULES[label].Params())[0]
-    return take.trusted & distrusted
+        found = detect(take)
+        return np.asarray(take.trusted & (~found.trusted | found.suspicious))
+    doubted: Bools = RULES[label].examine(evidence, RULES[label].Params())[0]
+    return take.trusted & doubted
 
 
 def hampel(positions: Floats, trusted: Bools) -> Bools:
@@ -159,10 +175,10 @@ def _exact(clean: Take, injected: Injected) -> int:
     return sum(bool(same[injected.samples(event)].all()) for event in injected.events if event.kind == "swap")
 
 
-def _error(clean: Take, injected: Injected, distrusted: Bools, entry: Entry) -> float:
-    """Return the RMSE per coordinate, mm, of the faulty samples after the distrusted samples have been filled."""
-    solution, _ = solve(injected.take, distrusted, entry)
-    filled = distrusted & solution.filled
+def _error(clean: Take, injected: Injected, doubted: Bools, entry: Entry) -> float:
+    """Return the RMSE per coordinate, mm, of the faulty samples after the doubted samples have been filled."""
+    solution, _ = solve(injected.take, doubted, entry)
+    filled = doubted & solution.filled
     positions = np.where(filled[..., None], solution.positions, injected.take.positions)
     return rms((positions - clean.positions)[injected.faulty])
 
@@ -183,6 +199,7 @@ def tables(results: Results) -> list[Table]:
         "rules",
         "size",
         *(f"{kind} %" for kind in FAULTS),
+        "repaired %",
         "right %",
         "right, new %",
         "swaps exact %",
@@ -197,12 +214,15 @@ def tables(results: Results) -> list[Table]:
                 continue
             right = _total(subset, "right")
             truth = results.where(label=f"{subset.rows[0].method} truth", size=size)
+            known = any("repaired" in row.values for row in subset.rows)
+            events = sum(_total(subset, f"{kind} events") for kind in FAULTS) if known else 0
             swaps = _total(subset, "swap events") if any("swaps_exact" in row.values for row in subset.rows) else 0
             rows.append(
                 (
                     label,
                     size,
                     *(_share(_total(subset, f"{kind} found"), _total(subset, f"{kind} events")) for kind in FAULTS),
+                    _share(_total(subset, "repaired"), events),
                     _share(right, right + _total(subset, "wrong")),
                     _share(right, right + _total(subset, "wrong_anew")),
                     _share(_total(subset, "swaps_exact"), swaps),
@@ -212,7 +232,7 @@ def tables(results: Results) -> list[Table]:
             )
     return [
         Table(
-            title="Events found, distrusted samples that are faulty, RMSE of the faulty samples, mm",
+            title="Events found and repaired, doubted samples that are faulty, RMSE of the faulty samples, mm",
             header=header,
             rows=tuple(rows),
         ),
@@ -221,25 +241,27 @@ def tables(results: Results) -> list[Table]:
 
 
 def _untouched(results: Results) -> Table:
-    """Return the table of distrusted samples per 100,000 in takes as they are."""
-    labels = [label for label in results.labels if results.where(label=label, size=0).rows]
-    rows = [
-        (take, *(number(_rate(results.where(take=take, label=label, size=0))) for label in labels))
-        for take in results.takes
+    """Return the table of doubted samples per 100,000 in takes as they are, and of those that the defaults replace."""
+    untouched = results.where(size=0)
+    columns = [(label, label, "wrong") for label in results.labels if untouched.where(label=label).rows]
+    columns += [(f"{label}, replaced", label, "replaced_wrong") for label, _, _ in columns if label.endswith("all")]
+    rates = [
+        [_rate(untouched.where(take=take, label=label), measure) for take in results.takes]
+        for _, label, measure in columns
     ]
-    rates = [[_rate(results.where(take=take, label=label, size=0)) for take in results.takes] for label in labels]
     medians = [number(float(np.median([v for v in values if v is not None]))) if values else "-" for values in rates]
+    rows = [(take, *map(number, row)) for take, row in zip(results.takes, zip(*rates, strict=True), strict=True)]
     return Table(
-        title="Distrusted samples per 100,000 in takes as they are",
-        header=("take", *labels),
+        title="Doubted samples per 100,000 in takes as they are",
+        header=("take", *(header for header, _, _ in columns)),
         rows=(*rows, ("median", *medians)),
     )
 
 
-def _rate(results: Results) -> float | None:
-    """Return the wrongly distrusted samples per 100,000; None without samples."""
+def _rate(results: Results, measure: str) -> float | None:
+    """Return the samples of a measure per 100,000; None without samples."""
     samples = _total(results, "samples")
-    return 1e5 * _total(results, "wrong") / samples if samples else None
+    return 1e5 * _total(results, measure) / samples if samples else None
 
 
 def _pooled(results: Results) -> float | None:

@@ -87,6 +87,7 @@ WITH_BARS = (
     "--method",
     "dynammo",
     "--no-self-check",
+    "--fill-poor",
     *(part for assignment in QUICK for part in ("--set", assignment)),
 )
 

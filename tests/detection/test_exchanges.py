@@ -22,7 +22,8 @@ def swapped(take, a, b, *spans):
 
 def find(take, positions, trusted=None):
     trusted = take.trusted if trusted is None else trusted
-    return exchanges(np.where(trusted[..., None], positions, np.nan), rigidity(positions, trusted), take.rate)
+    known = np.where(trusted[..., None], positions, np.nan)
+    return exchanges(known, rigidity(positions, trusted), take.rate)
 
 
 def test_nothing_is_exchanged_in_a_clean_take(walk):

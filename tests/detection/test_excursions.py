@@ -32,18 +32,16 @@ def claims(monkeypatch):
 
     def prepared(take):
         evidence = Evidence(take)
-        analysis = SimpleNamespace(
-            deviation=deviation, threshold=np.full(deviation.shape, 10.0), bursts=bursts, leaps=()
-        )
+        threshold = np.full(deviation.shape, 10.0)
+        analysis = SimpleNamespace(deviation=deviation, threshold=threshold, bursts=bursts, leaps=())
         evidence.__dict__["analysis"] = analysis
         return evidence
 
     monkeypatch.setattr(detection, "Evidence", prepared)
 
     def claimed(**rules):
-        result = detect(
-            take, {name: RULES[name].Params(**params) for name, params in rules.items()}, replace="suspicious"
-        )
+        params = {name: RULES[name].Params(**params) for name, params in rules.items()}
+        result = detect(take, params, replace="suspicious")
         assert not any("also found by" in finding.message for finding in result.findings)
         for finding in result.findings:
             assert finding.frames == (1, 1 + int(finding.marker[1:]))

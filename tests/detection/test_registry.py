@@ -38,21 +38,20 @@ def span(start, stop, marker):
 
 def test_one_line_in_the_registry_makes_a_rule(take, monkeypatch):
     monkeypatch.setitem(RULES, "toy", rule("toy", lambda take: span(5, 9, 2)))
-    result = detect(take, {"toy": Switch(replace="always")})
+    result = detect(take, {"toy": Switch()}, replace="suspicious")
     np.testing.assert_array_equal(result.trusted, take.trusted & ~span(5, 9, 2))
     assert [(f.rule, f.level, f.marker, f.frames) for f in result.findings] == [("toy", "warning", "C", (5, 9))]
     assert "toy" in {finding.rule for finding in detect(take).findings}
-    assert detect(take, {"toy": Switch(enabled=False)}).trusted.sum() == take.trusted.sum()
+    assert detect(take, {"toy": Switch()}).trusted.sum() == take.trusted.sum()
+    assert detect(take, {"toy": Switch(enabled=False)}, replace="suspicious").trusted.sum() == take.trusted.sum()
 
 
 def test_no_rule_raises_trust(take, monkeypatch):
     monkeypatch.setitem(RULES, "mild", rule("mild", lambda take: np.zeros((20, 4), dtype=bool)))
     monkeypatch.setitem(RULES, "strict", rule("strict", lambda take: span(0, 4, 0)))
     monkeypatch.setitem(RULES, "opposite", rule("opposite", lambda take: ~take.trusted, AFTER_OTHERS=True))
-    result = detect(
-        take,
-        {"strict": Switch(replace="always"), "mild": Switch(replace="always"), "opposite": Switch(replace="always")},
-    )
+    rules = {"strict": Switch(), "mild": Switch(), "opposite": Switch()}
+    result = detect(take, rules, replace="suspicious")
     np.testing.assert_array_equal(result.trusted, take.trusted & ~span(0, 4, 0))
 
 

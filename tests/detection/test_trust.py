@@ -1,5 +1,7 @@
 """Trust data detection and spans of the user: the properties that must hold."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -83,7 +85,7 @@ def test_an_endless_threshold_distrusts_nothing(rng):
 def test_the_threshold_scales_with_the_rate(rng):
     take = smooth_take(rng, rate=120.0)
     positions = take.positions.copy()
-    positions[100:, 2] += 50.0
+    positions[100:108, 2] += 50.0
     at = {rate: Take(positions=positions, trusted=take.trusted, markers=take.markers, rate=rate) for rate in (60, 240)}
     assert not found(at[60])
     assert {finding.marker for finding in found(at[240])} == {"M2"}
@@ -120,8 +122,9 @@ def test_detect_only_lowers_trust_and_names_every_sample(rng):
     assert not (result.trusted & ~take.trusted).any()
     named = np.zeros_like(result.trusted)
     for finding in result.findings:
-        if not finding.suspicion:
-            named[slice(*finding.frames), take.markers.index(finding.marker)] = True
+        if finding.suspicion:  # A leap, of which nothing shows the wrong side.
+            continue
+        named[slice(*finding.frames), take.markers.index(finding.marker)] = True
     np.testing.assert_array_equal(named, ~result.trusted)
     assert faults[~result.trusted].any()
 
@@ -176,6 +179,19 @@ def test_a_jump_between_two_long_segments_is_reported_and_neither_side_is_distru
     take = smooth_take(rng, n_frames=400)
     positions = take.positions.copy()
     positions[200:, 5] += 90.0
-    take = with_positions(take, positions)
-    assert not distrusted(take, longest=longest).any()
-    assert [(f.marker, f.frames, f.suspicion) for f in found(take, longest=longest)] == [("M5", (199, 201), True)]
+    assert not distrusted(with_positions(take, positions)).any()
+
+
+@pytest.mark.parametrize(("start", "stop"), [(0, 1), (0, 30), (60, 150), (149, 150)])
+@pytest.mark.parametrize("offset", [130.0, 400.0])
+def test_a_pose_at_an_end_of_the_take_is_left_and_its_leap_is_told(rng, start, stop, offset):
+    take = smooth_take(rng, n_frames=150)
+    positions = take.positions.copy()
+    positions[start:stop, 5] += offset
+    doubted, findings = tdd.examine(Evidence(with_positions(take, positions)), tdd.Params())
+    assert not doubted.any()
+    (finding,) = findings
+    at = stop if start == 0 else start
+    assert (finding.marker, finding.frames, finding.level) == ("M5", (at - 1, at + 1), "warning")
+    assert finding.suspicion
+    assert re.match(r"moves \d+ mm within one frame", finding.message)
