@@ -105,6 +105,27 @@ def test_documented_methods_are_those_of_the_code():
     assert comment(text, "self_check") & {*SOLVERS} == {name for name in SOLVERS if Settings(method=name).checks_itself}
 
 
+def test_the_methods_with_error_bars_are_those_of_the_code():
+    text = (ROOT / "docs" / "report.md").read_text(encoding="utf-8")
+    (sentence,) = re.findall(r"error bars; (`.*?) give them", text)
+    assert set(re.findall(r"`(\w+)`", sentence)) == {
+        name for name, module in SOLVERS.items() if module.TRAITS.error_bars
+    }
+
+
+def test_the_candidates_of_auto_are_those_of_the_code():
+    text = (ROOT / "docs" / "methods.md").read_text(encoding="utf-8")
+    (sentence,) = re.findall(r"`auto.methods` \(by default (.*?)\)", text, re.DOTALL)
+    assert tuple(re.findall(r"`(\w+)`", sentence)) == Settings().auto.methods
+
+
+@pytest.mark.parametrize("name", ["README", "methods", "configuration", "trust", "changes", "check", "report", "batch"])
+def test_assignments_are_keys_of_the_configuration(name):
+    document = ROOT / "README.md" if name == "README" else ROOT / "docs" / f"{name}.md"
+    for key, value in re.findall(r"--set\s+([\w.]+)=([^\s`)]+)", document.read_text(encoding="utf-8")):
+        resolve(None, {}, [f"{key}={value}"])
+
+
 def documented_limits():
     text = (ROOT / "docs" / "check.md").read_text(encoding="utf-8")
     return re.search(r"## Limits.*?```yaml\n(.*?)```", text, re.DOTALL)[1]
