@@ -16,6 +16,6 @@ def still_samples(positions: Floats, trusted: Bools) -> Bools:
     return still
 
 
-def rests(still: Bools, trusted: Bools) -> Bools:
+def resting(still: Bools, trusted: Bools) -> Bools:
     """Return the markers (M,) that rest in half of their trusted samples (F, M): what rests, rests."""
     return np.asarray(still.sum(axis=0) >= _MOST_STILL * trusted.sum(axis=0))
