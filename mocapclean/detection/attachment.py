@@ -10,7 +10,7 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.prediction import predict
 from mocapclean.detection.steps import SLIDE_SECONDS
-from mocapclean.detection.stillness import mostly_still, still_samples
+from mocapclean.detection.stillness import resting, still_samples
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics import interpolation
 
@@ -36,7 +36,7 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     them. A marker that fails is tried again without the best step of its place among the others.
     """
     still = still_samples(positions, trusted)
-    judged = trusted & ~(still & ~mostly_still(still, trusted))
+    judged = trusted & ~(still & ~resting(still, trusted))
     # Every few frames are enough for windows of half a second.
     thinned = max(1, min(len(judged) // _FEWEST_FRAMES, int(rate / _LEAST_RATE)))
     positions, judged, rate = positions[::thinned], judged[::thinned], rate / thinned

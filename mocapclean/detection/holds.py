@@ -9,7 +9,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.detection.prediction import Prediction
-from mocapclean.detection.stillness import mostly_still, still_samples
+from mocapclean.detection.stillness import resting, still_samples
 
 SHORTEST_HOLD = 5  # frames
 LEAST_MOTION = 5.0  # mm, by which the predicted position must move, and the marker leap when it is released
@@ -34,7 +34,7 @@ def find_holds(positions: Floats, trusted: Bools, prediction: Prediction) -> tup
     """
     still = still_samples(positions, trusted)
     holds = []
-    for marker, start, stop in column_runs(still & prediction.predicted & ~mostly_still(still, trusted)):
+    for marker, start, stop in column_runs(still & prediction.predicted & ~resting(still, trusted)):
         if stop - start >= SHORTEST_HOLD and _is_released(positions[:, marker], trusted[:, marker], stop):
             predicted = prediction.positions[start - 1 : stop, marker]
             moved = float(np.linalg.norm(predicted - predicted[0], axis=1).max())

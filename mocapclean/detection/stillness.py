@@ -16,6 +16,6 @@ def still_samples(positions: Floats, trusted: Bools) -> Bools:
     return still
 
 
-def mostly_still(still: Bools, trusted: Bools) -> Bools:
+def resting(still: Bools, trusted: Bools) -> Bools:
     """Return the markers (M,) that are still in half of their trusted samples (F, M), and thus at rest."""
     return np.asarray(still.sum(axis=0) >= _MOST_STILL * trusted.sum(axis=0))

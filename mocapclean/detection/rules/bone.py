@@ -3,9 +3,9 @@ normal.
 
 A partner is rigid if the robust SD of its distance is at most 4 mm. A distance is out of range if it is 20 mm from its
 median and beyond its noise: an exponential tail through the median and the 95th percentile, exceeded once in a million.
-At least two distances must be out of range, and more than half of those to partners in sight. Then the marker is at
-fault, and not one of its partners. The marker must also lie 10 mm from its predicted position: when a limb moves that
-was at rest for most of the take, distances change and the predicted positions follow.
+At least two distances must be out of range, and more than half of those to partners in sight and on their own paths.
+Then the marker is at fault, and not one of its partners. The marker must also lie 10 mm from its predicted position:
+when a limb moves that was at rest for most of the take, distances change and the predicted positions follow.
 """
 
 from typing import Annotated
@@ -45,6 +45,8 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
             continue
         distances = np.linalg.norm(positions[:, partners] - positions[:, [marker]], axis=2)
         error = np.abs(distances - nan_median(distances))
+        # A partner that has left its own path says nothing about this marker.
+        error[evidence.analysis.deviation[:, partners] > 0] = np.nan
         n_out = (error > np.maximum(params.least, noise_tail(error)[1])).sum(axis=1)
         n_seen = np.isfinite(error).sum(axis=1)
         most = (n_out >= _FEWEST_DISTANCES) & (2 * n_out > n_seen)

@@ -4,7 +4,7 @@ The predicted position is a regression on the marker's partners. The residual mu
 marker's own noise (an exponential tail through the median and the 95th percentile, exceeded once in a million); twice
 the residuals of its five closest partners. The third limit protects a limb that moves as never before in the take: all
 of its markers are then far from their predicted positions. Unlike ``jump``, the rule needs no break. A frame in which
-partners with less than half of the weight are in sight is not judged.
+partners with less than half of the weight are in sight and on their own paths is not judged.
 """
 
 from typing import Annotated
@@ -21,7 +21,7 @@ from mocapclean.parameters import STRICT
 # Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md); no sweep was kept.
 _CLOSEST_PARTNERS = 5  # partners whose residuals a limb is recognised by
 _RESIDUAL_RATIO = 2.0  # times the largest of their residuals
-_LEAST_WEIGHT = 0.5  # share of the weight of all partners that must be in sight
+_LEAST_WEIGHT = 0.5  # share of the weight of all partners that must be in sight and on their paths
 
 
 @dataclass(frozen=True, kw_only=True, config=STRICT)
@@ -37,9 +37,10 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     distance = np.linalg.norm(analysis.residual, axis=2)
     limit = np.maximum(params.least, noise_tail(distance)[1])
     far = np.asarray(analysis.predicted & (distance > limit))
+    reliable = evidence.plausible & (analysis.deviation == 0)
     for marker in np.flatnonzero(far.any(axis=0)).tolist():
         partners, weights = evidence.rigid.partners(marker)
-        far[:, marker] &= evidence.plausible[:, partners] @ weights >= _LEAST_WEIGHT * weights.sum()
+        far[:, marker] &= reliable[:, partners] @ weights >= _LEAST_WEIGHT * weights.sum()
         closest = distance[:, partners[:_CLOSEST_PARTNERS]]
         far[:, marker] &= distance[:, marker] > _RESIDUAL_RATIO * np.nan_to_num(closest).max(axis=1, initial=0.0)
 
