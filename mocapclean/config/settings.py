@@ -89,7 +89,7 @@ class MarkerLimits(BaseModel):
 
     longest_gap: PositiveInt | None = Field(default=None, description="frames missing in a row")
     missing: NonNegativeFloat | None = Field(default=None, description="% missing in the file")
-    distrusted: NonNegativeFloat | None = Field(default=None, description="% that rules distrust")
+    distrusted: NonNegativeFloat | None = Field(default=None, description="% distrusted or suspicious")
 
 
 class TakeLimits(MarkerLimits):

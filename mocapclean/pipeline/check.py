@@ -98,7 +98,7 @@ def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: Ta
     """Yield the breaches of limits on the take as a whole."""
     for name, what, unit, advice in (
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
-        ("distrusted", "of all samples cannot be trusted", " %", "read the findings"),
+        ("distrusted", "of all samples are distrusted or suspicious", " %", "read the findings"),
         ("swaps", "pairs of labels are swapped", "", "exchange them: mocapclean fill --fix-swaps"),
         ("bone_deviation", f"off its length is {bone}", " mm", "look at the labels of its markers"),
     ):
@@ -137,7 +137,7 @@ def _marker_breaches(take: Take, missing: Bools, pattern: str, limits: MarkerLim
     for column in columns:
         for name, what, mask in (
             ("missing", "missing", missing),
-            ("distrusted", "distrusted", (~take.trusted & ~missing) | take.suspicious),
+            ("distrusted", "distrusted or suspicious", (~take.trusted & ~missing) | take.suspicious),
         ):
             limit, found = getattr(limits, name), _percent(mask[:, column])
             if limit is not None and found > limit:

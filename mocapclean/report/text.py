@@ -79,7 +79,7 @@ def verdict(take: Verdict, *, verbose: bool = False) -> str:
     if take.passes:
         shape = f"{_count(take.n_markers, 'marker')} x {_count(take.n_frames, 'frame')}"
         missing, distrusted = take.measures["missing"], take.measures["distrusted"]
-        return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted"
+        return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted or suspicious"
     if verbose:
         return "\n".join([f"FAIL  {take.source}", *(f"      {one.message}; {one.advice}" for one in take.breaches)])
     limits: dict[str, list[Breach]] = {}
