@@ -14,7 +14,7 @@ from mocapclean.detection.stillness import resting, still_samples
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics import interpolation
 
-# Chosen by hand on the takes of one half of `bench trust` (docs/trust.md); no sweep was kept. Markers of a body have
+# Chosen by hand on takes of `bench trust`; no half was kept apart, and no sweep. Markers of a body have
 # ratios of 0.0 to 0.6 there, still markers and computed points of 0.8 and more.
 _BLOCKS = 5  # blocks of a marker's samples; each is predicted from what the others teach
 _WINDOW_SECONDS = 0.5  # s, time over which the change of a position is predicted

@@ -18,7 +18,7 @@ from mocapclean.take import Finding
 REPLACE = ("sure", "suspicious", "missing")
 """The choices of ``detect``: what its rules may distrust."""
 
-# Chosen by hand on one half of the takes of docs/trust.md.
+# Chosen by hand by looking at the natural findings of all captures; no half was kept apart.
 _LEAST_RATE = 49.0  # Hz, 50 Hz less rounding: below it a limb may leave its path and return within three true frames
 _SIDE_SECONDS = 0.1  # s, length of the path on each side that must be free of findings
 _FEWEST_SIDE_FRAMES = 8  # the same in frames, at least
