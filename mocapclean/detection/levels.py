@@ -23,7 +23,7 @@ _LEAST_RATE = 49.0  # Hz, 50 Hz less rounding: below it a limb may leave its pat
 _SIDE_SECONDS = 0.1  # s, length of the path on each side that must be free of findings
 _FEWEST_SIDE_FRAMES = 8  # the same in frames, at least
 _SIDE_LENGTHS = 4  # the same in lengths of the excursion, at least
-_STANDS_OUT = 5.0  # times the largest error of a cubic over the sides: natural findings from 5 on are faults to the eye
+_STANDS_OUT = 5.0  # times the largest error of a cubic over the sides: natural findings from 5 on look like faults
 
 
 @dataclass(frozen=True)
