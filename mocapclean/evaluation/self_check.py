@@ -4,7 +4,8 @@ The real gaps are copied to other times: the same markers, the same lengths, and
 Gaps inside the take are shifted by a common number of frames, modulo its length; gaps at one end move to the other end.
 A copy is hidden only where its marker is trusted, and ``MARGIN`` frames beyond, so that it does not join another gap.
 Of several shifts the one is used that keeps most gaps, away from other gaps. The real gaps stay missing while the
-method fills the hidden ones. Nothing is random: the same take always has the same result.
+method fills the hidden ones; a method that goes gap by gap begins with its fill of the real ones. Nothing is random:
+the same take always has the same result.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

@@ -6,7 +6,7 @@ Aligning one shape with another is W. Kabsch's problem, 1976, doi:10.1107/S05677
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, evenly_spaced
+from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.geometry.rotations import fit_rotations, fit_rotations_by_svd
 from mocapclean.numerics import interpolation
@@ -19,39 +19,40 @@ _SEGMENT_ROUNDS = 2
 _BODY_ROUNDS = 30
 
 
-def segment_frames(points: Floats, weights: Floats, n_learnt: int) -> list[BodyFrames]:
-    """Return, for each row of weights (v, q), the frames (n) that align a mean shape with points (n, q, 3).
+def segment_frames(points: Floats, weights: Floats, n_learnt: Ints) -> BodyFrames:
+    """Return the frames (G, v, n) that align v mean shapes of each of G segments with its points (G, n, q, 3).
 
-    The alignment is a weighted least squares. The mean shape is that of up to 100 of the first ``n_learnt`` frames,
-    aligned with each other.
+    The alignments are weighted least squares with weights (G, v, q). The mean shapes are those of 100 of the first
+    ``n_learnt`` (G,) frames, aligned with each other.
     """
-    shares = weights / weights.sum(axis=1, keepdims=True)
-    centroids = points.mean(axis=1, keepdims=True)
+    shares = weights / weights.sum(axis=2, keepdims=True)
+    centroids = points.mean(axis=2, keepdims=True)
     offsets = points - centroids
-    sample = offsets[evenly_spaced(n_learnt, _SEGMENT_SAMPLE)]
-    points_of_frames = sample.transpose(1, 0, 2).reshape(points.shape[1], -1)
+    rows = np.linspace(0, n_learnt - 1, _SEGMENT_SAMPLE, axis=1).astype(np.intp)
+    sample = offsets[np.arange(len(offsets))[:, None], rows]
+    points_of_frames = sample.transpose(0, 2, 1, 3).reshape(len(sample), 1, points.shape[2], -1)
     # Procrustes rounds from the middle frame: align the sample with the shape, then average it in the shape's frame.
-    shapes = _centred(np.repeat(sample[None, len(sample) // 2], len(shares), axis=0), shares)
+    shapes = _centred(np.repeat(sample[:, None, _SEGMENT_SAMPLE // 2], shares.shape[1], axis=1), shares)
     for _ in range(_SEGMENT_ROUNDS):
-        rotations = _alignments(sample, shapes, shares).reshape(len(shares), 3 * len(sample), 3)
-        shapes = _centred(np.matmul(points_of_frames, rotations) / len(sample), shares)
-    origins = (centroids + np.matmul(shares, offsets)).swapaxes(0, 1)
-    axes = _alignments(offsets, shapes, shares).swapaxes(2, 3)
-    return [BodyFrames(*each) for each in zip(axes, origins, strict=True)]
+        rotations = _alignments(sample, shapes, shares).reshape(*shares.shape[:2], -1, 3)
+        shapes = _centred(np.matmul(points_of_frames, rotations) / _SEGMENT_SAMPLE, shares)
+    origins = centroids.swapaxes(1, 2) + np.einsum("gvq,gnqc->gvnc", shares, offsets, optimize=True)
+    return BodyFrames(_alignments(offsets, shapes, shares).swapaxes(3, 4), origins)
 
 
 def _centred(shapes: Floats, shares: Floats) -> Floats:
-    """Return shapes (v, q, 3) less their centroids under weights of sum 1 (v, q)."""
-    return np.asarray(shapes - np.einsum("vq,vqc->vc", shares, shapes)[:, None])
+    """Return shapes (G, v, q, 3) less their centroids under weights of sum 1 (G, v, q)."""
+    return np.asarray(shapes - np.matmul(shares[:, :, None], shapes))
 
 
 def _alignments(offsets: Floats, shapes: Floats, shares: Floats) -> Floats:
-    """Return the rotations (v, n, 3, 3) that align centred shapes (v, q, 3) with offsets (n, q, 3)."""
-    n, n_points, _ = offsets.shape
-    # H = Σ_q w_q x_q s_qᵀ of every frame and shape, in one product
-    weighted = (shapes * shares[..., None]).swapaxes(0, 1).reshape(n_points, -1)
-    moments = (offsets.swapaxes(1, 2).reshape(-1, n_points) @ weighted).reshape(n, 3, len(shapes), 3)
-    return fit_rotations(moments.transpose(2, 0, 1, 3).reshape(-1, 3, 3)).reshape(len(shapes), n, 3, 3)
+    """Return the rotations (G, v, n, 3, 3) that align centred shapes (G, v, q, 3) with offsets (G, n, q, 3)."""
+    n_segments, n_frames, n_points, _ = offsets.shape
+    # H = Σ_q w_q x_q s_qᵀ of every frame and shape, in one product for each segment
+    weighted = (shapes * shares[..., None]).swapaxes(1, 2).reshape(n_segments, n_points, -1)
+    moments = offsets.swapaxes(2, 3).reshape(n_segments, -1, n_points) @ weighted
+    moments = moments.reshape(n_segments, n_frames, 3, -1, 3).transpose(0, 3, 1, 2, 4)
+    return fit_rotations(moments.reshape(-1, 3, 3)).reshape(moments.shape)
 
 
 def align_shapes(shape: Floats, positions: Floats, weights: Floats) -> tuple[Floats, Floats]:

@@ -11,8 +11,7 @@ from mocapclean.arrays import Bools, runs
 from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
-from mocapclean.evaluation import self_check
-from mocapclean.pipeline.choose import solver
+from mocapclean.pipeline.choose import checked_before_filling
 from mocapclean.pipeline.outcome import Breach, Verdict
 from mocapclean.pipeline.prepare import prepare
 from mocapclean.pipeline.summary import bone_reports
@@ -200,8 +199,7 @@ def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
-    solve = solver(method, settings, library)
-    checked = self_check.check(take, np.ones_like(take.trusted), solve, settings.hiding)
+    checked = checked_before_filling(method, take, np.ones_like(take.trusted), settings, library)
     error = checked.total.error
     return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")
 

@@ -14,31 +14,39 @@ from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
-def solver(method: str, settings: Settings, dictionary: Dictionary | None) -> Callable[[Take, Bools], Solution]:
-    """Return a function that fills the wanted samples (F, M) of a take by a method with its parameters."""
+def solver(
+    method: str, settings: Settings, dictionary: Dictionary | None, begun: Solution | None = None
+) -> Callable[[Take, Bools], Solution]:
+    """Return a function that fills the wanted samples (F, M) of a take by a method with its parameters.
+
+    begun: the answer of the method for the take with more samples trusted, or None.
+    """
     params = getattr(settings.methods, method)
-    return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary)
+    return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary, begun=begun)
 
 
 def settle_method(
     take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None
 ) -> tuple[Settings, MethodChoice | None, SelfCheck | None]:
-    """Return the settings with a method in place of auto, how it was chosen, and its self-check where one is made."""
-    checks_itself = settings.checks_itself
-    choice: MethodChoice | None = None
-    checked: SelfCheck | None = None
-    if settings.method == "auto":
-        choice, checked = choose(take, wanted, settings, dictionary)
-        settings = settings.model_copy(update={"method": choice.method})
-    # Candidates were compared on all their answers. Where uncertain ones are left out, the chosen one is checked again.
-    leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
-    if checks_itself and (checked is None or leaves_some):
-        try:
-            solve = solver(settings.method, settings, dictionary)
-            checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
-        except SolverError as error:
-            checked = SelfCheck(because=f"with more samples hidden the method fails: {error}")
-    return settings, choice, checked
+    """Return the settings with a method in place of auto, how it was chosen, and the self-check of the choice."""
+    if settings.method != "auto":
+        return settings, None, None
+    choice, checked = choose(take, wanted, settings, dictionary)
+    return settings.model_copy(update={"method": choice.method}), choice, checked
+
+
+def check_filled(
+    take: Take, wanted: Bools, solution: Solution, settings: Settings, dictionary: Dictionary | None
+) -> SelfCheck:
+    """Return the self-check of a method that has filled the wanted samples (F, M) of a take.
+
+    solution: the answer of the method for the take.
+    """
+    try:
+        solve = solver(settings.method, settings, dictionary, solution)
+        return self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
+    except SolverError as error:
+        return SelfCheck(because=f"with more samples hidden the method fails: {error}")
 
 
 def choose(
@@ -90,10 +98,20 @@ def _check(
     if settings.max_error is not None and not SOLVERS[method].TRAITS.error_bars:
         raise SolverError("it gives no error bars, which max_error needs.")
     solve = solver(method, settings, dictionary)
-    found = self_check.check(take, wanted, solve, settings.hiding)
+    found = checked_before_filling(method, take, wanted, settings, dictionary)
     if found.total.error or take.trusted.all():
         return found, 0
     return found, int((solve(take, wanted).filled & wanted).sum())
+
+
+def checked_before_filling(
+    method: str, take: Take, wanted: Bools, settings: Settings, dictionary: Dictionary | None
+) -> SelfCheck:
+    """Return the self-check of a method, which first fills the wanted samples (F, M) if it goes gap by gap."""
+    solve = solver(method, settings, dictionary)
+    if SOLVERS[method].TRAITS.gap_by_gap:
+        solve = solver(method, settings, dictionary, solve(take, wanted))
+    return self_check.check(take, wanted, solve, settings.hiding)
 
 
 def _rank(total: HiddenGaps) -> tuple[int, float]:

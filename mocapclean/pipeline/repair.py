@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mocapclean import formats
+from mocapclean import formats, progress
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import load
@@ -19,11 +19,12 @@ from mocapclean.evaluation import metrics, self_check
 from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
-from mocapclean.pipeline.choose import settle_method, solver
+from mocapclean.pipeline.choose import check_filled, settle_method, solver
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
 from mocapclean.pipeline.summary import summarise, with_accuracy
+from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
 from mocapclean.take.status import Codes, Status, decide, detected, supplied, supply, undecided, withdraw
 
@@ -69,12 +70,18 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
     library = load(settings.dictionary) if settings.dictionary else None
     codes = detected(selected)
     wanted = _request(selected, codes, settings)
+    checks_itself = settings.checks_itself
     settings, choice, checked = settle_method(selected, wanted, settings, library)
     if selected.trusted.all():
         nothing = np.zeros_like(selected.trusted)
         solution = Solution(positions=selected.positions, filled=nothing, reason="nothing to fill")
     else:
         solution = solver(settings.method, settings, library)(selected, wanted)
+    # Candidates of auto were compared on all their answers. Where uncertain ones are left, the chosen is checked again.
+    leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
+    if checks_itself and (checked is None or leaves_some):
+        progress.stage("checking itself")
+        checked = check_filled(selected, wanted, solution, settings, library)
     sd = _error_bars(selected, solution, wanted, settings)
     if sd is not None and checked is not None:
         sd = self_check.widened(sd, selected.trusted, checked)

@@ -6,7 +6,8 @@ A method module has
 - ``TRAITS``: the ``Traits``, its needs and its results;
 - ``Params``: a frozen dataclass whose fields have a range, a default and an ``About``;
 - ``solve(take, params, fillable, ...)``: the Solution. fillable: (F, M) bool, the untrusted samples that the method may
-  fill. According to the traits there follow ``wanted`` (F, M) bool, the trained Dictionary, and the KnownBones.
+  fill. According to the traits there follow ``wanted`` (F, M) bool and the Solution to begin with or None, the trained
+  Dictionary, and the KnownBones.
 
 ``running.run_method`` calls ``solve``, with at least one fillable sample unless trusted samples are to be corrected.
 

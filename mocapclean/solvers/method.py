@@ -19,7 +19,10 @@ class Traits:
     """Whether it fills gaps at the first and last frame of a take; else only gaps between two trusted samples."""
 
     gap_by_gap: bool = False
-    """Whether it takes ``wanted`` and may leave the gaps without a wanted sample."""
+    """Whether it takes ``wanted``, and may leave the gaps without a wanted sample.
+
+    It then also takes a Solution to begin with, or None: that of the take with more samples trusted.
+    """
 
     needs_dictionary: bool = False
     """Whether it takes the dictionary that ``mocapclean train`` makes."""

@@ -41,7 +41,7 @@ def _bridged(take: Take, samples: Bools) -> tuple[Floats, Floats]:
     step = max(1, round(take.rate / REFERENCE_RATE))
     gaps = _whole_gaps(take.trusted, samples)
     known = np.where(take.trusted[..., None], take.positions, 0.0)
-    positions, sd = bridge_short_gaps(known, take.trusted, take.trusted | gaps, take.rate, step=step)
+    positions, sd = bridge_short_gaps(known, take.trusted, gaps, take.rate, step=step)
     return positions, np.where(samples, sd, np.nan)
 
 

@@ -24,6 +24,7 @@ def run_method(
     *,
     wanted: Bools | None = None,
     dictionary: Dictionary | None = None,
+    begun: Solution | None = None,
 ) -> Solution:
     """Return the answer of a registered method for a take.
 
@@ -31,13 +32,15 @@ def run_method(
     time: short dropouts, in which nothing is seen, before it, and the gaps of detached columns, which it does not see.
 
     params: the method's ``Params``. wanted: (F, M) samples whose gaps need an answer, None for all; most methods fill
-    the others as well. dictionary: for the methods that need one. Raises UsageError where a dictionary is missing or
-    does not fit the take, SolverError where the method has no answer, such as without the bones that it needs.
+    the others as well. dictionary: for the methods that need one. begun: the answer of the method for the take with
+    more samples trusted, from which a method that goes gap by gap begins; the others begin anew. Raises UsageError
+    where a dictionary is missing or does not fit the take, SolverError where the method has no answer, such as without
+    the bones that it needs.
     """
     traits = SOLVERS[name].TRAITS
     if not traits.extrapolates or not (take.detached.any() or _has_dropouts(take)):
         # Each column by itself, or nothing that the method cannot fill.
-        return _solve(name, take, params, wanted, dictionary)
+        return _solve(name, take, params, wanted, dictionary, begun)
     attached = np.flatnonzero(~take.detached)
     part = take.select(attached)
     # The method takes the samples that are bridged over time as known.
@@ -45,10 +48,19 @@ def run_method(
     bridged = np.isfinite(sd)
     known = replace(part, positions=positions, trusted=part.trusted | bridged)
     part_wanted = wanted if wanted is None else wanted[:, attached]
-    solution = _with_bridged(_solve(name, known, params, part_wanted, dictionary), bridged, positions, sd)
+    part_begun = begun and replace(
+        begun, positions=begun.positions[:, attached], filled=begun.filled[:, attached], sd=_columns(begun.sd, attached)
+    )
+    answer = _solve(name, known, params, part_wanted, dictionary, part_begun)
+    solution = _with_bridged(answer, bridged, positions, sd)
     if not take.detached.any():
         return solution
     return _with_detached(take, attached, solution, *bridge_all(take.select(np.flatnonzero(take.detached))))
+
+
+def _columns(values: Floats | None, columns: Ints) -> Floats | None:
+    """Return some columns of an array (F, M), if there is one."""
+    return None if values is None else values[:, columns]
 
 
 def _has_dropouts(take: Take) -> bool:
@@ -100,7 +112,14 @@ def _with_detached(take: Take, attached: Ints, solution: Solution, positions: Fl
     )
 
 
-def _solve(name: str, take: Take, params: Any, wanted: Bools | None, dictionary: Dictionary | None) -> Solution:
+def _solve(
+    name: str,
+    take: Take,
+    params: Any,
+    wanted: Bools | None,
+    dictionary: Dictionary | None,
+    begun: Solution | None,
+) -> Solution:
     """Return the answer of a method for a take whose columns it all may use."""
     module = SOLVERS[name]
     traits = module.TRAITS
@@ -112,7 +131,7 @@ def _solve(name: str, take: Take, params: Any, wanted: Bools | None, dictionary:
     # The further arguments of ``solve``, as the traits declare them
     inputs: list[Any] = []
     if traits.gap_by_gap:
-        inputs.append(wanted if wanted is not None else np.ones_like(gaps))
+        inputs += [wanted if wanted is not None else np.ones_like(gaps), begun]
     if traits.needs_dictionary:
         inputs.append(require_dictionary(dictionary))
     if traits.needs_bones:

@@ -72,15 +72,16 @@ class Params:
     ] = 0.05
 
 
-def solve(take: Take, params: Params, fillable: Bools, wanted: Bools) -> Solution:
+def solve(take: Take, params: Params, fillable: Bools, wanted: Bools, begun: Solution | None = None) -> Solution:
     """Return a Solution with every gap filled that has known samples beside it or known neighbours.
 
     Gaps at the ends of the take are included; a marker needs ten known samples.
 
     wanted: (F, M) bool, the samples whose gaps need a fill; other gaps are filled only where these learn from them.
-    ``sd`` is given for every filled sample.
+    begun: a solution of the take with more samples trusted, whose filled samples are kept; only the gaps beside them
+    are then filled. ``sd`` is given for every filled sample.
     """
-    state = TakeState(take, params)
+    state = TakeState(take, params, begun)
     passes = fill_in_passes(state, fillable, wanted)
     filled = fillable & np.isfinite(state.sd)
     return Solution(

@@ -61,10 +61,20 @@ class PlanBridges:
 
     def __init__(self, plan: SamplingPlan, bridge_weights: BridgeWeights) -> None:
         self.gap_weights, self.gap_variance = bridge_weights.bridge(plan.gap_adjacent, plan.gap)
-        patterns, pattern_of = np.unique(plan.adjacent_known, axis=0, return_inverse=True)
-        self.groups = []
-        for k, pattern in enumerate(patterns):
-            known = np.flatnonzero(pattern)
-            weights, _ = bridge_weights.bridge(plan.adjacent[known], plan.inside)
-            self.groups.append(WindowGroup(np.flatnonzero(pattern_of.ravel() == k), known, weights))
         self.window_variance = bridge_weights.bridge(plan.adjacent, plan.inside)[1]
+        windows_of: dict[bytes, list[int]] = {}
+        for k, pattern in enumerate(plan.adjacent_known):
+            windows_of.setdefault(pattern.tobytes(), []).append(k)
+        self.groups = []
+        for windows in windows_of.values():
+            known = np.flatnonzero(plan.adjacent_known[windows[0]])
+            weights, _ = bridge_weights.bridge(plan.adjacent[known], plan.inside)
+            self.groups.append(WindowGroup(np.array(windows), known, weights))
+        self._shape = len(plan.windows), len(KERNELS), len(plan.inside), len(plan.adjacent)
+
+    def window_weights(self) -> Floats:
+        """Return the weights (w, kernels, m, s) of all adjacent frames of each window, 0 where they are not known."""
+        weights = np.zeros(self._shape)
+        for windows, known, of_known in self.groups:
+            weights[np.ix_(windows, range(len(KERNELS)), range(self._shape[2]), known)] = of_known
+        return weights

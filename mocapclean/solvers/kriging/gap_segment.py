@@ -1,11 +1,10 @@
-"""Fill one part of a gap: choose its neighbours and frames, run all predictors, and combine their predictions."""
+"""One part of a gap: its neighbours and frames, and its answer from what the predictors give."""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.solvers.kriging.bridging import PlanBridges
 from mocapclean.solvers.kriging.extrapolation import pose_growth
 from mocapclean.solvers.kriging.frame_selection import (
     MIN_TRAINING,
@@ -16,11 +15,8 @@ from mocapclean.solvers.kriging.frame_selection import (
     window_starts,
 )
 from mocapclean.solvers.kriging.hinge import find_ends
-from mocapclean.solvers.kriging.own_path import predict_from_own_path
-from mocapclean.solvers.kriging.prediction import PredictionInput, predict_all
-from mocapclean.solvers.kriging.predictors import PREDICTORS, applicable
+from mocapclean.solvers.kriging.predictors import PREDICTORS
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
-from mocapclean.solvers.kriging.rest import Rest
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 from mocapclean.solvers.kriging.stacking import combine, window_errors_ratio
 from mocapclean.solvers.kriging.take_state import TakeState
@@ -28,7 +24,6 @@ from mocapclean.solvers.kriging.take_state import TakeState
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
 ADJACENT_REACH = 1.0 / 3.0  # s on each side of a gap in which samples are sought to bridge it from
 WINDOW_EDGE = 5  # frames at 120 Hz in which the marker is also known, on each bridged side of a window
-HELD_OUT_MARGIN = 3  # frames around a window that are held out of the regression with it
 AT_REST = 0b111  # the kind of a gap beside which the marker rests, on both sides at one place
 CLEARLY_BETTER = 4.0
 """Ratio of mean square errors in windows from which a gap is predicted from the marker's own path alone.
@@ -44,6 +39,10 @@ EQUAL_POSES = 10.0  # times the noise parameter (0.3 mm), change of pose below w
 MAX_REUSED_VARIANCE = 0.25  # of the mean variance of the segment, up to which a filled sample is bridged from
 
 
+Answer = tuple[Floats, Floats]
+"""The positions (L, 3) of a segment and their SD (L,) per coordinate, mm."""
+
+
 class Evidence(NamedTuple):
     """The results for a segment on the windows of one plan: from neighbours, and from the marker's own path."""
 
@@ -57,8 +56,8 @@ class GapSegment:
 
     neighbours: (q,) columns in descending order of their weight. hinge_ends: two indices into them, or empty.
     known: (F,) the samples of the marker that are known. whole: whether the segment is a whole gap, which can be
-    predicted from the marker's own path. incomplete_training: whether the segment was learnt from frames that lack
-    many neighbours; set by ``fill``.
+    predicted from the marker's own path. incomplete_training: whether the segment is learnt from frames that lack
+    many neighbours; set by ``plan``.
     """
 
     def __init__(
@@ -78,31 +77,42 @@ class GapSegment:
         self.before, self.after = adjacent_frames(bridgeable, start, stop, reach, state.rate)
         edge = max(1, round(WINDOW_EDGE * state.rate / REFERENCE_RATE))
         self.edges = edge * (len(self.before) > 0), edge * (len(self.after) > 0)
-        self.rest = Rest(state.positions[:, marker], self.known, state.rate, state.params.rigidity)
+        self.rest = state.rest(marker)
         self.beside = state.positions[self.before, marker], state.positions[self.after, marker]
 
-    def fill(self) -> tuple[Floats, Floats] | None:
-        """Return positions (L, 3) and SD (L,) per coordinate, mm; None without evidence or enough known samples."""
-        if np.count_nonzero(self.known) < MIN_TRAINING:
-            return None
-        evidence = self._evidence(resembling=False)
-        if not evidence.own_path:
-            return self._following(evidence)
-        at_rest = self.rest.kind(*self.beside) == AT_REST
-        if at_rest or self._advantage(evidence) >= CLEARLY_BETTER:
-            # The marker may stay, or move on as it did: judge by the windows that resemble the gap.
-            alike = self._evidence(resembling=True)
-            if at_rest:
+    @property
+    def can_be_filled(self) -> bool:
+        """Whether enough samples of the marker are known."""
+        return np.count_nonzero(self.known) >= MIN_TRAINING
+
+    def compares_alike(self, evidence: Evidence) -> bool:
+        """Whether windows that resemble the gap decide between its neighbours and the marker's own path.
+
+        The marker may stay, or move on as it did.
+        """
+        return bool(evidence.own_path) and (self._at_rest() or self._advantage(evidence) >= CLEARLY_BETTER)
+
+    def answer(self, evidence: Evidence, alike: Evidence | None) -> Answer | None:
+        """Return positions (L, 3) and SD (L,) per coordinate, mm; None without evidence.
+
+        alike: the evidence on windows that resemble the gap, or None where it is not compared.
+        """
+        if alike:
+            if self._at_rest():
                 # It stays: a curve through later samples would take part in a move after the gap.
                 alike = alike._replace(own_path=alike.own_path[:1])
             if self._advantage(alike) >= CLEARLY_BETTER:
                 return self._moving_more(alike.plan, self._combined(alike.plan, alike.own_path))
         short = self.stop - self.start <= round(LONGEST_MIXED * self.state.rate)
-        if short and self._advantage(evidence) > 1.0:
+        if short and evidence.own_path and self._advantage(evidence) > 1.0:
             return self._combined(evidence.plan, evidence.following + evidence.own_path)
         return self._following(evidence)
 
-    def _following(self, evidence: Evidence) -> tuple[Floats, Floats] | None:
+    def _at_rest(self) -> bool:
+        """Whether the marker rests beside the gap, on both sides at one place."""
+        return self.rest.kind(*self.beside) == AT_REST
+
+    def _following(self, evidence: Evidence) -> Answer | None:
         """Return the stacked answer of the neighbours, less sure in poses unlike those that it was learnt from."""
         plan, answer = evidence.plan, self._combined(evidence.plan, evidence.following)
         length = int(plan.inside[-1]) + 1
@@ -112,7 +122,7 @@ class GapSegment:
         floor = EQUAL_POSES * self.state.params.noise
         return answer[0], answer[1] * np.sqrt(pose_growth(neighbours, known, plan.gap, length, floor))
 
-    def _combined(self, plan: SamplingPlan, results: list[KrigingResult]) -> tuple[Floats, Floats] | None:
+    def _combined(self, plan: SamplingPlan, results: list[KrigingResult]) -> Answer | None:
         """Return the stacked answer of some results; None without any."""
         return combine(results, plan, self.state.params.noise, self.state.params.shrinkage) if results else None
 
@@ -122,7 +132,7 @@ class GapSegment:
             return np.inf
         return window_errors_ratio(evidence.following, evidence.own_path, self.state.params)
 
-    def _moving_more(self, plan: SamplingPlan, answer: tuple[Floats, Floats] | None) -> tuple[Floats, Floats] | None:
+    def _moving_more(self, plan: SamplingPlan, answer: Answer | None) -> Answer | None:
         """Return an answer with an SD that grows where the marker moves more across the gap than across windows.
 
         It grows in proportion, up to the RMS distance of the samples on both sides from their mean. Where windows are
@@ -138,31 +148,11 @@ class GapSegment:
         widened = sd * np.sqrt(max(1.0, (in_gap + floor) / (in_windows + floor)))
         return positions, np.minimum(widened, np.maximum(sd, np.sqrt(in_gap)))
 
-    def _evidence(self, *, resembling: bool) -> Evidence:
-        """Return the results of all predictors; resembling: on windows that resemble the gap, if there are enough."""
-        state, plan = self.state, self._plan(resembling)
-        bridges, floor = PlanBridges(plan, state.bridge_weights), state.params.noise**2
-        target = state.positions[plan.frames, self.marker]
-        inputs = PredictionInput(
-            distances=state.distances,
-            marker=self.marker,
-            neighbours=self.neighbours,
-            hinge_ends=self.hinge_ends,
-            plan=plan,
-            bridges=bridges,
-            held_out=plan.held_out(HELD_OUT_MARGIN),
-            positions=state.positions[plan.frames][:, self.neighbours],
-            target=target,
-            error_floor=floor,
-        )
-        following = predict_all(applicable(len(self.neighbours), bool(self.hinge_ends)), inputs)
-        own_path: list[KrigingResult] = []
-        if self.whole:
-            own_path = predict_from_own_path(target, plan, bridges, state.drift_kriging, floor)
-        return Evidence(plan, following, own_path)
+    def plan(self, *, resembling: bool) -> SamplingPlan:
+        """Return the frames to learn, test and bridge from, where possible frames in which all neighbours are known.
 
-    def _plan(self, resembling: bool) -> SamplingPlan:
-        """Return the frames to learn, test and bridge from, where possible frames in which all neighbours are known."""
+        resembling: whether only windows that resemble the gap are used, if there are enough.
+        """
         state, n_frames = self.state, len(self.known)
         missing_share, kind = self._missing_share(), self.rest.kind(*self.beside)
 

@@ -8,9 +8,10 @@ predicted.
 
 import numpy as np
 
-from mocapclean.arrays import Floats, Ints
+from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
+from mocapclean.solvers.kriging.segment_batch import SegmentBatch
 
 # The constants below were chosen by hand; no sweep was kept.
 MIN_BENDING = 5.0  # times the rigidity parameter, SD of the distance between the ends above which the joint bends
@@ -41,39 +42,41 @@ def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> l
 
 
 def hinge_frames(
-    ends: Floats, lengths: tuple[float, float], segment: BodyFrames, joint: Floats, n_training: int
-) -> tuple[BodyFrames, Floats] | None:
-    """Return axes (n) at the centre of the marker's circle about the line of both ends, and radii (n,), mm; None if
-    undefined.
+    ends: Floats, lengths: Floats, segment: BodyFrames, batch: SegmentBatch
+) -> tuple[BodyFrames, Floats, Bools]:
+    """Return axes (G, N) at the centre of the markers' circles about the lines of both ends, radii (G, N), mm, and
+    where (G,) they are defined.
 
-    ends: (n, 2, 3) the two markers. lengths: the joint's distances from them. joint: (n, 3), read in the first
-    ``n_training`` frames only. The first axis runs from end to end. The second points to the joint's mean direction
-    in ``segment``, the frames of the body segment. They are undefined where this direction is along the line.
+    ends: (G, N, 2, 3) the two markers. lengths: (G, 2) the joint's distances from them. The joint is the target of the
+    batch, which is read in the training rows only. The first axis runs from end to end. The second points to the
+    joint's mean direction in ``segment``, the frames of the body segment. They are undefined where this direction is
+    along the line.
     """
-    line = ends[:, 1] - ends[:, 0]
-    distance = np.linalg.norm(line, axis=1)
-    line = line / np.maximum(distance, MIN_LENGTH)[:, None]
+    line = ends[:, :, 1] - ends[:, :, 0]
+    distance = np.linalg.norm(line, axis=2)
+    line = line / np.maximum(distance, MIN_LENGTH)[..., None]
     # Law of cosines: the centre is (d² + l₁² - l₂²) / 2d along the line, and the radius √(l₁² - along²).
-    along = (distance**2 + lengths[0] ** 2 - lengths[1] ** 2) / (2.0 * np.maximum(distance, MIN_LENGTH))
-    centres = ends[:, 0] + along[:, None] * line
-    radii = np.sqrt(np.maximum(lengths[0] ** 2 - along**2, (MIN_RADIUS * lengths[0]) ** 2))
+    first, second = lengths[:, :1], lengths[:, 1:]
+    along = (distance**2 + first**2 - second**2) / (2.0 * np.maximum(distance, MIN_LENGTH))
+    centres = ends[:, :, 0] + along[..., None] * line
+    radii = np.sqrt(np.maximum(first**2 - along**2, (MIN_RADIUS * first) ** 2))
     # The joint's mean direction in the segment's frames, turned to the world and made perpendicular to the line.
-    to_joint = joint[:n_training] - centres[:n_training]
-    mean = np.einsum("nij,nj->i", segment.axes[:n_training], to_joint) / n_training
-    outward = mean @ segment.axes
-    outward = outward - np.sum(outward * line, axis=1, keepdims=True) * line
-    size = np.linalg.norm(outward, axis=1, keepdims=True)
-    if size.min() <= MIN_SINE * np.linalg.norm(mean):
-        return None
-    outward = outward / size
-    return BodyFrames(np.stack([line, outward, np.cross(line, outward)], axis=1), centres), radii
+    training = batch.training
+    to_joint = batch.target[:, training] - centres[:, training]
+    mean = batch.training_mean((segment.axes[:, training] @ to_joint[..., None])[..., 0])
+    outward = (mean[:, :, None] @ segment.axes)[:, :, 0]
+    outward = outward - np.sum(outward * line, axis=2, keepdims=True) * line
+    size = np.linalg.norm(outward, axis=2, keepdims=True)
+    defined: Bools = size.min(axis=(1, 2)) > MIN_SINE * np.linalg.norm(mean[:, 0], axis=1)
+    outward = outward / np.where(size > 0.0, size, 1.0)
+    return BodyFrames(np.stack([line, outward, np.cross(line, outward)], axis=2), centres), radii, defined
 
 
-def radius_scaled(features: Floats, radii: Floats, training: slice) -> Floats:
-    """Return features (N, p), centred and multiplied by radius over mean radius (N,), with the relative radius
+def radius_scaled(features: Floats, radii: Floats, batch: SegmentBatch) -> Floats:
+    """Return features (G, N, p), centred and multiplied by radius over mean radius (G, N), with the relative radius
     appended.
 
     On a circle of radius r the joint's position is r times a function of its angle.
     """
-    relative = (radii / radii[training].mean())[:, None]
-    return np.hstack([(features - features[training].mean(axis=0)) * relative, RADIUS_SCALE * relative])
+    relative = radii[..., None] / batch.training_mean(radii[..., None])
+    return np.concatenate([(features - batch.training_mean(features)) * relative, RADIUS_SCALE * relative], axis=2)

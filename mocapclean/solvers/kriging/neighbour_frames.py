@@ -39,7 +39,9 @@ def neighbour_frames(
     # Align frames with the nearest few, then predict the marker in them by ridge regression on all neighbours.
     both = np.append(training, frames)
     points, framing = positions[both][:, neighbours], np.arange(len(neighbours)) < N_FRAMING
-    (segment,) = segment_frames(points, np.where(framing, weights[neighbours], 0.0)[None], len(training))
+    framing_weights = np.where(framing, weights[neighbours], 0.0)
+    frames_of_all = segment_frames(points[None], framing_weights[None, None], np.array([len(training)]))
+    segment = BodyFrames(frames_of_all.axes[0, 0], frames_of_all.origins[0, 0])
     scales = distances.rigid_scales(marker, neighbours)
     features = (segment.to_local(points) * scales[:, None]).reshape(len(both), -1)
     target = segment.to_local(positions[both, marker][:, None])[:, 0]

@@ -52,24 +52,27 @@ class NeighbourDistances:
 
         looseness: times r, the SD of a distance below which neighbours weigh alike.
         """
-        variance = self.variance[marker] + (looseness * self.rigidity) ** 2
-        distance = self.mean[marker] + NEAR_RATIO * self.rigidity
-        weights = 1.0 / (variance * distance)
-        weights[marker] = 0.0
-        return np.where(np.isfinite(weights), weights, 0.0)
+        return self.weights_between(np.intp(marker), np.arange(len(self.mean)), looseness)
 
-    def rigid_scales(self, marker: int, neighbours: Ints, looseness: float = 1.0) -> Floats:
-        """Return the scale factors (n,) of neighbour positions as regression features in turning axes: about 1 / SD of
-        the distance.
+    def weights_between(self, markers: Ints | np.intp, neighbours: Ints, looseness: float = 1.0) -> Floats:
+        """Return the weights, as in ``weights``, of neighbours for markers of any shapes that broadcast."""
+        variance = self.variance[markers, neighbours] + (looseness * self.rigidity) ** 2
+        distance = self.mean[markers, neighbours] + NEAR_RATIO * self.rigidity
+        weights = 1.0 / (variance * distance)
+        return np.where(np.isfinite(weights) & (markers != neighbours), weights, 0.0)
+
+    def rigid_scales(self, marker: int | Ints, neighbours: Ints, looseness: float = 1.0) -> Floats:
+        """Return the scale factors (..., n) of neighbour positions as regression features in turning axes: about 1 / SD
+        of the distance.
 
         A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
         """
         slack = max(FEATURE_LOOSENESS, looseness) * self.rigidity
         return np.asarray(1.0 / np.sqrt(self.variance[marker, neighbours] + slack**2), dtype=np.float64)
 
-    def shifting_scales(self, marker: int, neighbours: Ints) -> Floats:
-        """Return the scale factors (n,) of neighbour positions as features in axes that only shift: 1 / (mean distance
-        + constant).
+    def shifting_scales(self, marker: int | Ints, neighbours: Ints) -> Floats:
+        """Return the scale factors (..., n) of neighbour positions as features in axes that only shift: 1 / (mean
+        distance + constant).
         """
         distance = self.mean[marker, neighbours] + NEAR_RATIO * self.rigidity
         return np.asarray(1.0 / distance, dtype=np.float64)

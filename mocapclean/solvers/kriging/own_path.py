@@ -86,7 +86,8 @@ def _predict(
         errors[:, members] = truth[members][:, : len(inside)] - np.einsum("gmk,wkc->gwmc", shares, samples)
     if len(truth):
         # One penalty only: the axis that ``likelihood_weights`` has for them.
-        weights = likelihood_weights(errors[:, None], error_floor)[:, 0]
+        squares = np.square(errors).mean(axis=(2, 3)).T[..., None]
+        weights = likelihood_weights(squares, np.full(len(truth), 1.0 / len(truth)), error_floor)[:, 0]
     else:
         weights = np.full(len(errors), 1.0 / len(errors))
     return KrigingResult(

@@ -1,11 +1,15 @@
 """Fill gaps in passes: later passes also use filled samples as neighbours and beside the parts of a split gap."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from mocapclean import progress
 from mocapclean.arrays import Bools, Floats, column_runs
-from mocapclean.solvers.kriging.gap_segment import CLEARLY_BETTER, GapSegment
+from mocapclean.cores import in_parts
+from mocapclean.solvers.kriging.answers import answers
+from mocapclean.solvers.kriging.gap_segment import CLEARLY_BETTER, Answer, GapSegment
 from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
 from mocapclean.solvers.kriging.take_state import TakeState
 
@@ -15,8 +19,7 @@ SETTLED_CHANGE = 0.3
 It was added to save passes; chosen by hand, no sweep was kept.
 """
 
-Answer = tuple[Floats, Floats]
-"""The positions (L, 3) of a segment and their SD (L,) per coordinate, mm."""
+PART = 16  # gaps that are filled together on one core; chosen by hand for speed
 
 
 class GapSpan(NamedTuple):
@@ -41,16 +44,18 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
     """Fill the wanted gaps, and others only where the wanted ones need them; return the number of passes.
 
     fillable: (F, M) samples that may be filled. wanted: (F, M) samples whose gaps need a fill. Other gaps
-    are filled only where the wanted ones learn from them.
+    are filled only where the wanted ones learn from them. Where the state began with a solution, its gaps are not
+    filled again.
     """
-    gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known)]
+    gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known & ~state.begun)]
     wanted_gaps = [gap for gap in gaps if wanted[gap.start : gap.stop, gap.marker].any()]
     passes, incomplete, to_fill = 0, False, wanted_gaps
     while to_fill and passes < state.params.passes:
         before = state.positions
         outcome = fill_gaps(state, to_fill)
         passes += 1
-        incomplete |= outcome.incomplete_training
+        # With a solution to begin with, gaps have learnt from filled samples in the first pass already.
+        incomplete |= outcome.incomplete_training and not state.begun.any()
         if passes == 1:
             if incomplete:
                 # Gaps learn from filled samples: fill the others as well.
@@ -63,39 +68,71 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
     return passes
 
 
+class _FilledGap(NamedTuple):
+    """The answers of a gap.
+
+    spans: (first frame, frame after the last) of its segments. answers: one for each. split: whether the gap was split,
+    also where the answer of the whole gap is used. incomplete_training: as in ``PassOutcome``.
+    """
+
+    spans: list[tuple[int, int]]
+    answers: list[Answer | None]
+    split: bool
+    incomplete_training: bool
+
+
 def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
     """Fill gaps and update the state; every gap is filled from the state before the pass.
 
     A segment without an answer stays as it is: its samples are missing, and its interpolated positions are not read.
     """
-    incomplete, split = False, []
+    progress.stage("filling", len(gaps))
+    # Gaps of similar length fill batches best; the longest first, so that no core ends long after the others.
+    ordered = sorted(gaps, key=lambda gap: gap.start - gap.stop)
+    parts = [ordered[first : first + PART] for first in range(0, len(ordered), PART)]
     positions, sd = state.positions.copy(), state.sd.copy()
-    for gap in gaps:
-        marker = gap.marker
-        # Segments in which the same neighbours are known are filled by themselves, then joined.
-        spans = split_gap(state.known, state.distances.weights(marker), gap.start, gap.stop)
-        segments = [GapSegment(state, marker, first, last, whole=len(spans) == 1) for first, last in spans]
-        answers = [segment.fill() for segment in segments]
-        incomplete |= any(segment.incomplete_training for segment in segments)
-        if len(spans) > 1:
-            split.append(gap)
-            alone = GapSegment(state, *gap, alone=True).fill()
-            if alone and _has_less_variance(alone, answers):
-                spans, answers = [(gap.start, gap.stop)], [alone]
-        for (first, last), answer in zip(spans, answers, strict=True):
-            if answer:
-                positions[first:last, marker], sd[first:last, marker] = answer
-        answered = [span for span, answer in zip(spans, answers, strict=True) if answer]
-        join_segments(positions[:, marker], answered, state.rate)
+    incomplete, split = False, []
+    for part, filled in zip(parts, in_parts(partial(_answered, state), parts), strict=True):
+        progress.advance(len(part))
+        for gap, found in zip(part, filled, strict=True):
+            answered = [(span, answer) for span, answer in zip(found.spans, found.answers, strict=True) if answer]
+            for (first, last), answer in answered:
+                positions[first:last, gap.marker], sd[first:last, gap.marker] = answer
+            join_segments(positions[:, gap.marker], [span for span, _ in answered], state.rate)
+            incomplete |= found.incomplete_training
+            split += [gap] if found.split else []
     state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return PassOutcome(incomplete, split)
 
 
-def _has_less_variance(alone: Answer, answers: list[Answer | None]) -> bool:
+def _answered(state: TakeState, gaps: list[GapSpan]) -> list[_FilledGap]:
+    """Return the answers of gaps from a state, which stays as it is."""
+    # Segments in which the same neighbours are known are filled by themselves, then joined.
+    spans = [split_gap(state.known, state.distances.weights(gap.marker), gap.start, gap.stop) for gap in gaps]
+    parts = [
+        [GapSegment(state, gap.marker, *span, whole=len(of_gap) == 1) for span in of_gap]
+        for gap, of_gap in zip(gaps, spans, strict=True)
+    ]
+    alone = [
+        [GapSegment(state, *gap, alone=True)] if len(of_gap) > 1 else []
+        for gap, of_gap in zip(gaps, spans, strict=True)
+    ]
+    found = iter(answers([segment for both in zip(parts, alone, strict=True) for each in both for segment in each]))
+    filled = []
+    for gap, of_gap, segments, whole in zip(gaps, spans, parts, alone, strict=True):
+        of_parts, incomplete = [next(found) for _ in segments], any(part.incomplete_training for part in segments)
+        of_whole = next(found) if whole else None
+        if of_whole and _has_less_variance(of_whole, of_parts):
+            of_gap, of_parts = [(gap.start, gap.stop)], [of_whole]
+        filled.append(_FilledGap(of_gap, of_parts, bool(whole), incomplete))
+    return filled
+
+
+def _has_less_variance(alone: Answer, of_segments: list[Answer | None]) -> bool:
     """Whether the answer of a whole gap has a much smaller variance than those of its segments, or one has none."""
-    answered = [answer for answer in answers if answer]
-    if len(answered) < len(answers):
+    answered = [answer for answer in of_segments if answer]
+    if len(answered) < len(of_segments):
         return True
     return bool(
         CLEARLY_BETTER * np.square(alone[1]).mean() < np.square(np.concatenate([sd for _, sd in answered])).mean()

@@ -1,110 +1,125 @@
-"""Predict one part of a gap with every predictor: move to segment axes, build features, krige, return to the world."""
+"""Predict the segments of a batch with every predictor: move to segment axes, build features, krige, return."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.alignment import segment_frames
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.solvers.kriging.bridging import PlanBridges
 from mocapclean.solvers.kriging.hinge import hinge_frames, radius_scaled
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 from mocapclean.solvers.kriging.predictors import Predictor
 from mocapclean.solvers.kriging.radial_basis import pose_nearness
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult, krige
-from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
+from mocapclean.solvers.kriging.segment_batch import SegmentBatch
 
 
 @dataclass(frozen=True, kw_only=True)
-class PredictionInput:
-    """The data of one part of a gap that all predictors share; N is the number of frames in its sampling plan.
+class Neighbourhoods:
+    """The neighbours of the markers of a batch, in descending order of their weights; q at most.
 
-    marker: column of the marker.
-    neighbours: (q,) columns in descending order of their weight.
-    hinge_ends: two indices into the neighbours, or empty where the marker is no joint.
-    plan, bridges: the frames to learn, test and bridge from, and the bridges over them.
-    held_out: (folds, n) training frames held out in each fold.
-    positions: (N, q, 3) of the neighbours, mm, in the world.
-    target: (N, 3) positions of the marker, mm, in the world; not read in the gap.
-    error_floor: mm², mean square below which errors count as equal.
+    markers: (G,) columns. neighbours: (G, q) columns. in_use: (G, q) whether a marker has as many neighbours.
+    hinge_ends: (G, 2) indices into the neighbours; not read where the markers of the batch are no joints.
+    positions: (G, N, q, 3) of the neighbours, mm, in the world. distances: those of the take.
     """
 
-    distances: NeighbourDistances
-    marker: int
+    markers: Ints
     neighbours: Ints
-    hinge_ends: list[int]
-    plan: SamplingPlan
-    bridges: PlanBridges
-    held_out: Bools
+    in_use: Bools
+    hinge_ends: Ints
     positions: Floats
-    target: Floats
-    error_floor: float
+    distances: NeighbourDistances
+
+    def rows(self, values: Floats) -> Floats:
+        """Return the entries (G, q) of a matrix over all markers (M, M), at each marker and its neighbours."""
+        return np.asarray(values[self.markers[:, None], self.neighbours])
 
 
-def predict_all(predictors: list[Predictor], inputs: PredictionInput) -> list[KrigingResult]:
-    """Return the results of the predictors in world coordinates; those without a defined frame are left out."""
-    frames = _frames_of_reference(predictors, inputs) if predictors else []
-    results = [_predict(*each, inputs) for each in zip(predictors, frames, strict=True)]
-    return [result for result in results if result]
+def predict_all(
+    predictors: list[Predictor], near: Neighbourhoods, batch: SegmentBatch, error_floor: float
+) -> list[tuple[KrigingResult, Bools]]:
+    """Return the results of the predictors in world coordinates, and for which segments (G,) they are defined.
+
+    error_floor: mm², mean square below which errors count as equal.
+    """
+    frames = _frames_of_reference(predictors, near, batch)
+    return [_predict(*each, near, batch, error_floor) for each in zip(predictors, frames, strict=True)]
 
 
-def _frames_of_reference(predictors: list[Predictor], inputs: PredictionInput) -> list[BodyFrames]:
+def _frames_of_reference(predictors: list[Predictor], near: Neighbourhoods, batch: SegmentBatch) -> list[BodyFrames]:
     """Return each predictor's segment axes; predictors on a circle later derive their axes from these.
 
     They follow the framing neighbours; where there are none they only shift with the mean of all neighbours.
     """
-    positions, n_training = inputs.positions, len(inputs.plan.training)
     # All distinct alignments are computed at once, one row of weights each.
     distinct = list(dict.fromkeys((p.n_framing, p.looseness) for p in predictors if p.n_framing))
-    weights = np.zeros((len(distinct), len(inputs.neighbours)))
-    for row, (n, looseness) in zip(weights, distinct, strict=True):
-        row[:n] = inputs.distances.weights(inputs.marker, looseness)[inputs.neighbours[:n]]
-    turning = dict(zip(distinct, segment_frames(positions, weights, n_training), strict=True))
-    shifting = BodyFrames(np.broadcast_to(np.eye(3), (len(positions), 3, 3)), positions.mean(axis=1))
-    return [turning.get((p.n_framing, p.looseness), shifting) for p in predictors]
+    found: dict[tuple[int, float], BodyFrames] = {}
+    if distinct:
+        weights = np.stack([_framing_weights(near, *each) for each in distinct], axis=1)
+        aligned = segment_frames(near.positions, weights, batch.n_training)
+        found = {each: BodyFrames(aligned.axes[:, k], aligned.origins[:, k]) for k, each in enumerate(distinct)}
+    share = near.in_use / near.in_use.sum(axis=1, keepdims=True)
+    means = (share[:, None, None] @ near.positions)[:, :, 0]
+    shifting = BodyFrames(np.broadcast_to(np.eye(3), (*means.shape, 3)), means)
+    return [found.get((p.n_framing, p.looseness), shifting) for p in predictors]
 
 
-def _predict(predictor: Predictor, frames: BodyFrames, inputs: PredictionInput) -> KrigingResult | None:
-    """Return one predictor's result in world coordinates, or None where its hinge has no frame."""
-    plan = inputs.plan
-    _, windows, _, gap = plan.parts
-    radii = None
+def _framing_weights(near: Neighbourhoods, n_framing: int, looseness: float) -> Floats:
+    """Return the weights (G, q) of the neighbours that frames of reference are aligned with; 0 for the others."""
+    weights = near.distances.weights_between(near.markers[:, None], near.neighbours, looseness) * near.in_use
+    weights[:, n_framing:] = 0.0
+    return weights
+
+
+def _predict(
+    predictor: Predictor, frames: BodyFrames, near: Neighbourhoods, batch: SegmentBatch, error_floor: float
+) -> tuple[KrigingResult, Bools]:
+    """Return one predictor's results in world coordinates, and for which segments (G,) it has a frame."""
+    radii, defined = None, np.ones(len(near.markers), dtype=bool)
     if predictor.hinged:
-        first, second = inputs.distances.mean[inputs.marker, inputs.neighbours[inputs.hinge_ends]]
-        ends = inputs.positions[:, inputs.hinge_ends]
-        hinge = hinge_frames(ends, (first, second), frames, inputs.target, len(plan.training))
-        if not hinge:
-            return None
-        frames, radii = hinge
-    features = _features(predictor, frames, radii, inputs)
-    local_target = frames.to_local(inputs.target[:, None])[:, 0]
-    result = krige(features, local_target, plan, inputs.bridges, inputs.held_out, inputs.error_floor)
+        ends = np.take_along_axis(near.positions, near.hinge_ends[:, None, :, None], axis=2)
+        lengths = np.take_along_axis(near.rows(near.distances.mean), near.hinge_ends, axis=1)
+        frames, radii, defined = hinge_frames(ends, lengths, frames, batch)
+    features, n_features = _features(predictor, frames, radii, near, batch)
+    local_target = frames.to_local(batch.target[:, :, None])[:, :, 0]
+    result = krige(features, local_target, batch, n_features, error_floor)
     # Back to the world: the errors turn with the axes, the positions also shift with the origins.
-    window_axes = frames.axes[windows].reshape(*plan.windows.shape, 3, 3)[:, : len(plan.inside)]
-    return replace(
-        result,
-        positions=np.einsum("nij,ni->nj", frames.axes[gap], result.positions) + frames.origins[gap],
-        window_errors=np.einsum("wmij,wmi->wmj", window_axes, result.window_errors),
+    shape = *batch.window_share.shape, batch.window_rows, 3, 3
+    window_axes = frames.axes[:, batch.windows].reshape(shape)[:, :, : batch.n_inside]
+    gap_frames = BodyFrames(frames.axes[:, batch.gap], frames.origins[:, batch.gap])
+    in_world = KrigingResult(
+        positions=gap_frames.to_world(result.positions[:, :, None])[:, :, 0],
+        window_errors=(result.window_errors[..., None, :] @ window_axes)[..., 0, :],
+        gap_variance=result.gap_variance,
+        window_variance=result.window_variance,
     )
+    return in_world, defined
 
 
-def _features(predictor: Predictor, frames: BodyFrames, radii: Floats | None, inputs: PredictionInput) -> Floats:
-    """Return the features (N, p): scaled positions of neighbours in the frame, then radii and nearness to poses."""
-    positions, training = inputs.positions, inputs.plan.parts[0]
-    local = frames.to_local(positions[:, : predictor.n_features]) * _scales(predictor, inputs)[:, None]
-    features = local.reshape(len(positions), -1)
+def _features(
+    predictor: Predictor, frames: BodyFrames, radii: Floats | None, near: Neighbourhoods, batch: SegmentBatch
+) -> tuple[Floats, Floats]:
+    """Return the features (G, N, p), and how many (G,) are in use.
+
+    They are scaled positions of neighbours in the frame, then radii and nearness to poses.
+    """
+    chosen = slice(0, predictor.n_features)
+    local = frames.to_local(near.positions[:, :, chosen]) * _scales(predictor, near)[:, None, chosen, None]
+    features = local.reshape(*local.shape[:2], -1)
+    in_use = 3.0 * near.in_use[:, chosen].sum(axis=1)
     if radii is not None:
-        features = radius_scaled(features, radii, training)
+        features, in_use = radius_scaled(features, radii, batch), in_use + 1.0
     if predictor.n_poses:
-        nearness = pose_nearness(features, len(inputs.plan.training), predictor.n_poses)
-        features = np.hstack([features, nearness])
-    return features
+        nearness = pose_nearness(features, batch, predictor.n_poses)
+        features, in_use = np.concatenate([features, nearness], axis=2), in_use + predictor.n_poses
+    return features, in_use
 
 
-def _scales(predictor: Predictor, inputs: PredictionInput) -> Floats:
-    """Return the factors (n_features,) of the neighbours' positions."""
-    chosen = inputs.neighbours[: predictor.n_features]
+def _scales(predictor: Predictor, near: Neighbourhoods) -> Floats:
+    """Return the factors (G, q) of the neighbours' positions; 0 for those that are not in use."""
     if predictor.n_framing:
-        return inputs.distances.rigid_scales(inputs.marker, chosen, predictor.looseness)
-    return inputs.distances.shifting_scales(inputs.marker, chosen)
+        scales = near.distances.rigid_scales(near.markers[:, None], near.neighbours, predictor.looseness)
+    else:
+        scales = near.distances.shifting_scales(near.markers[:, None], near.neighbours)
+    return scales * near.in_use

@@ -38,16 +38,16 @@ They were added by hand, one after the other. The shares of the error are those 
 
 
 def applicable(n_neighbours: int, has_hinge: bool) -> list[Predictor]:
-    """Return the distinct predictors that so many neighbours allow.
+    """Return the predictors that differ with so many neighbours, and that these allow.
 
-    ``n_framing`` and ``n_features`` are limited to the number of neighbours, which can make predictors equal. A frame
-    that turns needs three neighbours. A hinged frame needs two ends among them.
+    With few neighbours ``n_framing`` and ``n_features`` are limited, which can make predictors equal. A frame that
+    turns needs three neighbours. A hinged frame needs two ends among them.
     """
     if not n_neighbours:
         return []
-    limited = [
-        replace(p, n_framing=min(p.n_framing, n_neighbours), n_features=min(p.n_features, n_neighbours))
-        for p in PREDICTORS
-    ]
-    usable = [p for p in limited if (p.n_framing == 0 or n_neighbours >= 3) and (has_hinge or not p.hinged)]
-    return list(dict.fromkeys(usable))
+    usable = [p for p in PREDICTORS if (p.n_framing == 0 or n_neighbours >= 3) and (has_hinge or not p.hinged)]
+    distinct: dict[Predictor, Predictor] = {}
+    for p in usable:
+        limits = {"n_framing": min(p.n_framing, n_neighbours), "n_features": min(p.n_features, n_neighbours)}
+        distinct.setdefault(replace(p, **limits), p)
+    return list(distinct.values())

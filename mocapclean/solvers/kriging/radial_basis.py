@@ -6,23 +6,23 @@ D. S. Broomhead, D. Lowe, 1988, Multivariable functional interpolation and adapt
 import numpy as np
 
 from mocapclean.arrays import Floats
+from mocapclean.solvers.kriging.segment_batch import SegmentBatch
 
 WIDTH = 0.5  # SD of a Gaussian, of the root mean square distance of poses from their mean; chosen by hand
 HEIGHT = 0.5  # of the same distance, so that a ridge penalty shrinks Gaussians and positions alike; chosen by hand
 
 
-def pose_nearness(features: Floats, n_training: int, n_poses: int) -> Floats:
-    """Return Gaussian radial basis functions (N, k) of features (N, p), centred on k of the first ``n_training`` rows.
+def pose_nearness(features: Floats, batch: SegmentBatch, n_poses: int) -> Floats:
+    """Return Gaussian radial basis functions (G, N, k) of features (G, N, p), centred on k of the training rows.
 
-    k is ``n_poses``, or n_training if that is less. All are 0 where the training poses do not differ.
+    k is ``n_poses``; a pose is repeated where there are fewer rows. All are 0 where the training poses do not differ.
     """
-    training = features[:n_training]
-    offsets = features - training.mean(axis=0)
-    size = np.sqrt(np.square(offsets[:n_training]).sum(axis=1).mean())
-    if size == 0.0:
-        return np.zeros((len(features), min(n_poses, n_training)))
-    offsets /= size
-    poses = offsets[np.linspace(0, n_training - 1, min(n_poses, n_training)).astype(int)]
+    offsets = features - batch.training_mean(features)
+    squares = np.square(offsets).sum(axis=2, keepdims=True)
+    size = np.sqrt(batch.training_mean(squares))
+    rows = np.linspace(0, batch.n_training - 1, n_poses, axis=1).astype(np.intp)
+    poses = offsets[np.arange(len(offsets))[:, None], rows]
     # |a - b|² = |a|² + |b|² - 2 aᵀb
-    squares = np.square(offsets).sum(axis=1)[:, None] + np.square(poses).sum(axis=1) - 2.0 * offsets @ poses.T
-    return np.asarray(HEIGHT * size * np.exp(-0.5 * np.maximum(squares, 0.0) / WIDTH**2))
+    distances = squares + np.square(poses).sum(axis=2)[:, None] - 2.0 * offsets @ poses.swapaxes(1, 2)
+    scale = WIDTH * np.where(size > 0.0, size, 1.0)
+    return np.asarray(HEIGHT * size * np.exp(-0.5 * np.maximum(distances, 0.0) / scale**2))

@@ -1,4 +1,4 @@
-"""Ridge regression of a marker's position on features, for several penalties at once.
+"""Ridge regression of markers' positions on features, for several penalties at once.
 
     W = (AᵀA + λ s I)⁻¹ AᵀY      A (n, p) and Y (n, 3) centred, s = 3 tr(AᵀA) / p
 
@@ -8,28 +8,28 @@ A. E. Hoerl, R. W. Kennard, 1970, doi:10.1080/00401706.1970.10488634.
 import numpy as np
 from scipy.linalg.lapack import dposv
 
-from mocapclean.arrays import Bools, Floats
+from mocapclean.arrays import Floats
 
 N_COORDINATES = 3.0  # of a neighbour: s is the mean, over neighbours, of the sum of squares of their coordinates
 
 
-class RidgeRegression:
-    """Ridge regressions of a target (n, 3) on features (n, p), both centred, with or without some of the rows."""
+def penalty_units(grams: Floats, n_features: Floats | float) -> Floats:
+    """Return the unit s (G,) of the penalties for matrices AᵀA (G, p, p); 1 where all features are 0.
 
-    def __init__(self, features: Floats, target: Floats) -> None:
-        self.features, self.target = features, target
-        self.gram, self.cross = features.T @ features, features.T @ target
-        self.penalty_unit = N_COORDINATES * np.trace(self.gram) / len(self.gram) or 1.0
+    n_features: (G,), or one number: the features that are not 0 throughout, where fewer than p of them are in use.
+    """
+    units = N_COORDINATES * np.einsum("gpp->g", grams) / n_features
+    return np.where(units > 0.0, units, 1.0)
 
-    def weights(self, penalties: Floats, held_out: Bools | None = None) -> Floats:
-        """Return the weights W (λ, p, 3) for penalties (λ,), learnt without the rows held out (n,)."""
-        gram, cross = self.gram, self.cross
-        if held_out is not None:
-            # Taking the held-out rows off the sums is cheaper than summing over the others.
-            features = self.features[held_out]
-            gram, cross = gram - features.T @ features, cross - features.T @ self.target[held_out]
-        systems = gram + (self.penalty_unit * penalties)[:, None, None] * np.eye(len(gram))
-        return np.stack([dposv(system.T, cross, overwrite_a=True)[1] for system in systems])
+
+def ridge_weights(grams: Floats, crosses: Floats, penalties: Floats) -> Floats:
+    """Return the weights W (G, λ, p, 3) for matrices AᵀA (G, p, p), AᵀY (G, p, 3) and penalties λ s (G, λ)."""
+    systems = grams[:, None] + penalties[..., None, None] * np.eye(grams.shape[1])
+    weights = np.empty((*penalties.shape, *crosses.shape[1:]))
+    for of_one, right, solved in zip(systems, crosses, weights, strict=True):
+        for k, system in enumerate(of_one):
+            solved[k] = dposv(system.T, right, overwrite_a=True)[1]
+    return weights
 
 
 def ridge_prediction(features: Floats, target: Floats, n_training: int, penalty: float) -> Floats:
@@ -39,5 +39,8 @@ def ridge_prediction(features: Floats, target: Floats, n_training: int, penalty:
     """
     middle, level = features[:n_training].mean(axis=0), target[:n_training].mean(axis=0)
     offsets = features - middle
-    (weights,) = RidgeRegression(offsets[:n_training], target[:n_training] - level).weights(np.array([penalty]))
+    learnt = offsets[:n_training]
+    gram, cross = (learnt.T @ learnt)[None], (learnt.T @ (target[:n_training] - level))[None]
+    unit = penalty_units(gram, features.shape[1])
+    weights = ridge_weights(gram, cross, penalty * unit[:, None])[0, 0]
     return np.asarray(offsets @ weights + level)

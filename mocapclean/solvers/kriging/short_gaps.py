@@ -52,12 +52,12 @@ def in_short_gaps(trusted: Bools, longest: int) -> Bools:
 def bridge_short_gaps(
     positions: Floats,
     trusted: Bools,
-    known: Bools,
+    to_fill: Bools,
     rate: float,
     frames_for: FramesFor | None = None,
     step: int = 1,
 ) -> tuple[Floats, Floats]:
-    """Return positions (F, M, 3) with the short gaps filled, and the SD (F, M) of the filled samples, mm.
+    """Return positions (F, M, 3) with the samples ``to_fill`` (F, M) of gaps filled, and their SD (F, M), mm.
 
     The SD is that of each coordinate, from the errors of the same prediction on known samples, spread over the gap as
     the kriging variance is. It is NaN where nothing is filled. rate: Hz. step: every how many-th sample on each side
@@ -65,7 +65,6 @@ def bridge_short_gaps(
     """
     filled, sd = positions.copy(), np.full(trusted.shape, np.nan)
     kriging = DriftKriging(rate)
-    to_fill = known & ~trusted
     for marker in np.flatnonzero(to_fill.any(axis=0)).tolist():
         samples = np.flatnonzero(trusted[:, marker])
         gaps = [_stretch(samples, start, stop - start, step) for start, stop in runs(to_fill[:, marker]).tolist()]

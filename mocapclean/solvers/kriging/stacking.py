@@ -7,7 +7,6 @@ L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import nnls
 
 from mocapclean.arrays import Floats
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
@@ -16,9 +15,10 @@ from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 if TYPE_CHECKING:
     from mocapclean.solvers.kriging import Params
 
-SUM_STIFFNESS = 1e3  # weight of the condition Σ w = 1, large against moments of about 1; chosen by hand
-JITTER = 1e-9  # of the mean moment, added to the diagonal: equal predictors then have a Cholesky factor; by hand
+JITTER = 1e-9  # of the mean moment, added to the diagonal: equal predictors then have one solution; by hand
+EQUAL_GRADIENT = 1e-9  # of the mean moment, excess of a gradient that is a rounding error; chosen by hand
 DISAGREEMENT_POWER = 0.5  # by which the variance grows with the ratio of disagreements; chosen by hand
+MOST_STEPS = 10  # times the number of predictors, steps of the active-set method; it needs about one; by hand
 UNTESTED_FACTOR = 4.0  # times the predictors' disagreement, the variance without windows; chosen by hand
 
 
@@ -35,11 +35,37 @@ def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
     # Shrink the off-diagonal moments, and scale the mean of the diagonal to 1.
     moments *= (1.0 - shrinkage) * n / total
     moments[np.diag_indices(n)] /= 1.0 - shrinkage
-    # wᵀ (RᵀR) w = |R w|² for non-negative w; the last row makes Σ w = 1.
-    root = np.linalg.cholesky(moments + JITTER * np.eye(n)).T
-    system = np.vstack([root, np.full((1, n), SUM_STIFFNESS)])
-    weights, _ = nnls(system, np.append(np.zeros(n), SUM_STIFFNESS))
-    return np.asarray(weights / weights.sum(), dtype=np.float64)
+    return _least_on_simplex(moments + JITTER * np.eye(n))
+
+
+def _least_on_simplex(matrix: Floats) -> Floats:
+    """Return the w (n,), w >= 0 and Σ w = 1, that minimises wᵀ A w for a positive definite matrix A (n, n).
+
+    The active-set method: J. Nocedal, S. J. Wright, 2006, Numerical optimization, doi:10.1007/978-0-387-40065-5,
+    algorithm 16.3. n is at most about ten, so that importing a solver would take longer than all its calls.
+    """
+    n = len(matrix)
+    weights, free = np.full(n, 1.0 / n), np.ones(n, dtype=bool)
+    for _ in range(MOST_STEPS * n):
+        # The minimiser with the other weights at 0 is proportional to A⁻¹ 1.
+        target = np.zeros(n)
+        target[free] = np.linalg.solve(matrix[np.ix_(free, free)], np.ones(free.sum()))
+        target /= target.sum()
+        falling = free & (target < 0.0)
+        if falling.any():
+            # Go towards it until the first weight is 0, which then stays there.
+            steps = np.where(falling, weights / np.where(falling, weights - target, 1.0), np.inf)
+            weights = np.maximum(weights + steps.min() * (target - weights), 0.0)
+            free[steps.argmin()], weights[steps.argmin()] = False, 0.0
+            continue
+        weights = target
+        # All gradients of weights at 0 are at least that of the others, or the least of them is let go.
+        gradient = matrix @ weights
+        excess = np.where(free, 0.0, gradient - weights @ gradient)
+        if excess.min() >= -EQUAL_GRADIENT:
+            break
+        free[excess.argmin()] = True
+    return np.asarray(weights, dtype=np.float64)
 
 
 def window_errors_ratio(results: list[KrigingResult], others: list[KrigingResult], params: "Params") -> float:

@@ -12,8 +12,9 @@ from mocapclean.solvers.kriging.bridging import BridgeWeights
 from mocapclean.solvers.kriging.drift_kriging import DriftKriging
 from mocapclean.solvers.kriging.neighbour_frames import neighbour_frames
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
+from mocapclean.solvers.kriging.rest import Rest
 from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_gaps
-from mocapclean.take import Take
+from mocapclean.take import Solution, Take
 
 if TYPE_CHECKING:
     from mocapclean.solvers.kriging import Params
@@ -28,10 +29,12 @@ class TakeState:
     sd: (F, M) mm per coordinate, NaN where nothing is filled.
     known: (F, M) whether a sample is trusted or in a bridged short gap.
     missing: (F, M) 1.0 where a sample is neither known nor filled, else 0.0.
+    begun: (F, M) whether a sample is filled by the solution that the state began with.
     distances, bones: measured on the trusted samples. bridge_weights, drift_kriging: shared by all gaps.
     """
 
-    def __init__(self, take: Take, params: "Params") -> None:
+    def __init__(self, take: Take, params: "Params", begun: Solution | None = None) -> None:
+        """Take the samples of a take, and of a solution of it that was found with more of them trusted."""
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.bridge_weights, self.drift_kriging = BridgeWeights(take.rate), DriftKriging(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
@@ -43,5 +46,19 @@ class TakeState:
         # A neighbour in a gap at an end of the take is not used: markers lost together there would mislead each other.
         usable = take.trusted | (self.known & enclosed(take.trusted))
         frames_for = partial(neighbour_frames, interpolated, take.trusted, usable, self.distances, params.learnt)
-        self.positions, self.sd = bridge_short_gaps(interpolated, take.trusted, self.known, take.rate, frames_for)
-        self.missing = np.asarray(~self.known, dtype=float)
+        self.begun = begun.filled & ~take.trusted if begun else np.zeros_like(take.trusted)
+        to_bridge = self.known & ~take.trusted & ~self.begun
+        self.positions, self.sd = bridge_short_gaps(interpolated, take.trusted, to_bridge, take.rate, frames_for)
+        if begun:
+            self.positions = np.where(self.begun[..., None], begun.positions, self.positions)
+            self.sd = np.where(self.begun, begun.sd, self.sd)
+        self.missing = np.asarray(~(self.known | self.begun), dtype=float)
+        self._rests: dict[int, Rest] = {}
+
+    def rest(self, marker: int) -> Rest:
+        """Return how a marker moves beside stretches of the take, from its known samples."""
+        if marker not in self._rests:
+            self._rests[marker] = Rest(
+                self.positions[:, marker], self.known[:, marker], self.rate, self.params.rigidity
+            )
+        return self._rests[marker]
