@@ -1,13 +1,14 @@
 """Answer the segments of gaps together: those of the same layout are predicted in batches."""
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
-from mocapclean.solvers.kriging.bridging import PlanBridges
+from mocapclean.solvers.kriging.bridging import PlanBridges, patterns_of
 from mocapclean.solvers.kriging.gap_segment import Answer, Evidence, GapSegment
-from mocapclean.solvers.kriging.own_path import predict_from_own_path
+from mocapclean.solvers.kriging.own_path import own_path_patterns, predict_from_own_path
 from mocapclean.solvers.kriging.prediction import Neighbourhoods, predict_all
 from mocapclean.solvers.kriging.predictors import Predictor, applicable
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
@@ -52,7 +53,7 @@ def answers(segments: Sequence[GapSegment]) -> list[Answer | None]:
 
 def _evidence(segments: Sequence[GapSegment], *, resembling: bool) -> list[Evidence]:
     """Return the results of all predictors for each segment; resembling: on windows that resemble the gap."""
-    planned = [_planned(segment, resembling) for segment in segments]
+    planned = _planned(segments, resembling)
     following: list[list[KrigingResult]] = [[] for _ in segments]
     for members in _batches(planned):
         for k, results in zip(members, _predicted([planned[k] for k in members]), strict=True):
@@ -60,11 +61,24 @@ def _evidence(segments: Sequence[GapSegment], *, resembling: bool) -> list[Evide
     return [Evidence(each.plan, results, _own_path(each)) for each, results in zip(planned, following, strict=True)]
 
 
-def _planned(segment: GapSegment, resembling: bool) -> _Planned:
-    """Return a segment with its plan."""
-    plan = segment.plan(resembling=resembling)
-    predictors = applicable(len(segment.neighbours), bool(segment.hinge_ends))
-    return _Planned(segment, plan, PlanBridges(plan, segment.state.bridge_weights), predictors)
+def _planned(segments: Sequence[GapSegment], resembling: bool) -> list[_Planned]:
+    """Return the segments with their plans."""
+    if not segments:
+        return []
+    state, plans = segments[0].state, [segment.plan(resembling=resembling) for segment in segments]
+    # The kriging weights over time of all plans are computed together.
+    state.bridge_weights.prepare(chain.from_iterable(map(patterns_of, plans)))
+    whole = [plan for segment, plan in zip(segments, plans, strict=True) if segment.whole]
+    state.drift_kriging.prepare(chain.from_iterable(map(own_path_patterns, whole)))
+    return [
+        _Planned(
+            segment,
+            plan,
+            PlanBridges(plan, state.bridge_weights),
+            applicable(len(segment.neighbours), bool(segment.hinge_ends)),
+        )
+        for segment, plan in zip(segments, plans, strict=True)
+    ]
 
 
 def _batches(planned: list[_Planned]) -> list[list[int]]:

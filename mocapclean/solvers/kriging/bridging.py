@@ -3,14 +3,14 @@
 A bridge is the conditional mean of a Matérn process in a gap or window, given the samples adjacent to it.
 """
 
-from functools import lru_cache
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from mocapclean.arrays import Floats, Ints
 from mocapclean.solvers.kriging.frame_selection import REFERENCE_RATE
-from mocapclean.solvers.kriging.matern import bridge
+from mocapclean.solvers.kriging.matern import bridges
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 
 KERNELS = ((5.0, 1e-2), (10.0, 1e-2), (20.0, 1e-2), (40.0, 1e-2), (80.0, 1e-2), (20.0, 1e-1), (60.0, 1e-1))
@@ -18,25 +18,40 @@ KERNELS = ((5.0, 1e-2), (10.0, 1e-2), (20.0, 1e-2), (40.0, 1e-2), (80.0, 1e-2), 
 
 The lengths double from 1/24 s to 2/3 s. Chosen on the captures of `mocapclean bench markers`; no sweep was kept.
 """
-N_CACHED = 64  # patterns of times whose weights are kept; chosen by hand for speed, without effect on results
 
 
 class BridgeWeights:
-    """Simple kriging weights and variances at one frame rate, Hz; the most recently used time patterns are cached."""
+    """Simple kriging weights and variances at one frame rate, Hz, kept for each pattern of times."""
 
     def __init__(self, rate: float) -> None:
         lengths, noises = np.transpose(KERNELS)
         self.kernels = lengths * rate / REFERENCE_RATE, noises
-        self._cached = lru_cache(maxsize=N_CACHED)(self._solve)
+        self._kept: dict[tuple[bytes, bytes], tuple[Floats, Floats]] = {}
 
     def bridge(self, known: Ints, wanted: Ints) -> tuple[Floats, Floats]:
         """Return the weights (kernels, n, k) of frames known (k,) at frames wanted (n,), and variances (kernels, n)."""
-        # The covariance depends on differences of times alone: equal patterns anywhere in the take share their weights.
-        return self._cached((known - wanted[0]).tobytes(), (wanted - wanted[0]).tobytes())
+        key = _key(known, wanted)
+        if key not in self._kept:
+            self.prepare([(known, wanted)])
+        return self._kept[key]
 
-    def _solve(self, known: bytes, wanted: bytes) -> tuple[Floats, Floats]:
-        """Return the same as ``bridge``, for frames given as bytes, which can be keys of a cache."""
-        return bridge(np.frombuffer(known, dtype=np.intp), np.frombuffer(wanted, dtype=np.intp), *self.kernels)
+    def prepare(self, patterns: Iterable[tuple[Ints, Ints]]) -> None:
+        """Compute the weights of pairs of frames known and wanted together, to be returned by ``bridge``."""
+        alike: dict[tuple[int, int], dict[tuple[bytes, bytes], tuple[Ints, Ints]]] = {}
+        for known, wanted in patterns:
+            if (key := _key(known, wanted)) not in self._kept:
+                alike.setdefault((len(known), len(wanted)), {})[key] = known - wanted[0], wanted - wanted[0]
+        for of_size in alike.values():
+            known, wanted = (np.stack(frames) for frames in zip(*of_size.values(), strict=True))
+            self._kept.update(zip(of_size, zip(*bridges(known, wanted, *self.kernels), strict=True), strict=True))
+
+
+def _key(known: Ints, wanted: Ints) -> tuple[bytes, bytes]:
+    """Return what is equal for equal patterns of times anywhere in the take.
+
+    The covariance depends on differences of times alone, so that these share their weights.
+    """
+    return (known - wanted[0]).tobytes(), (wanted - wanted[0]).tobytes()
 
 
 class WindowGroup(NamedTuple):
@@ -62,19 +77,30 @@ class PlanBridges:
     def __init__(self, plan: SamplingPlan, bridge_weights: BridgeWeights) -> None:
         self.gap_weights, self.gap_variance = bridge_weights.bridge(plan.gap_adjacent, plan.gap)
         self.window_variance = bridge_weights.bridge(plan.adjacent, plan.inside)[1]
-        windows_of: dict[bytes, list[int]] = {}
-        for k, pattern in enumerate(plan.adjacent_known):
-            windows_of.setdefault(pattern.tobytes(), []).append(k)
-        self.groups = []
-        for windows in windows_of.values():
-            known = np.flatnonzero(plan.adjacent_known[windows[0]])
-            weights, _ = bridge_weights.bridge(plan.adjacent[known], plan.inside)
-            self.groups.append(WindowGroup(np.array(windows), known, weights))
+        self.groups = [
+            WindowGroup(windows, known, bridge_weights.bridge(plan.adjacent[known], plan.inside)[0])
+            for windows, known in plan.known_patterns
+        ]
         self._shape = len(plan.windows), len(KERNELS), len(plan.inside), len(plan.adjacent)
 
     def window_weights(self) -> Floats:
         """Return the weights (w, kernels, m, s) of all adjacent frames of each window, 0 where they are not known."""
+        if len(self.groups) == 1 and len(self.groups[0].known) == self._shape[3]:
+            return np.broadcast_to(self.groups[0].weights, self._shape)
         weights = np.zeros(self._shape)
         for windows, known, of_known in self.groups:
-            weights[np.ix_(windows, range(len(KERNELS)), range(self._shape[2]), known)] = of_known
+            weights[
+                windows[:, None, None, None],
+                np.arange(self._shape[1])[:, None, None],
+                np.arange(self._shape[2])[:, None],
+                known,
+            ] = of_known
         return weights
+
+
+def patterns_of(plan: SamplingPlan) -> Iterator[tuple[Ints, Ints]]:
+    """Yield the pairs of frames known and wanted of the bridges of a plan."""
+    yield plan.gap_adjacent, plan.gap
+    yield plan.adjacent, plan.inside
+    for _, known in plan.known_patterns:
+        yield plan.adjacent[known], plan.inside

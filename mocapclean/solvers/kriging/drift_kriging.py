@@ -8,6 +8,7 @@ doi:10.1002/9781119115151, section 3.4. The leave-one-out errors are read off th
 1983, doi:10.1007/BF01033232.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,16 +30,18 @@ N_KERNELS = len(MATERN_KERNELS) + 1  # the Matérn kernels and the polygon
 MIN_VARIANCE = 1e-9  # of the process variance, keeps a division by the kriging variance finite
 
 
+Pattern = tuple[Ints, int]
+"""The frames (k,) of the samples that a gap is bridged from, counted from its first frame, and its length."""
+
+
 class DriftWeights(NamedTuple):
     """Kriging of one gap by K kernels from k samples.
 
-    weights: (K, length, k) of the samples. variance: (K, length) as a share of the process variance. leave_one_out:
-    (K, k, k) matrices Q: sample i less its prediction from the other samples is (Q y)_i / Q_ii, with variance 1 / Q_ii.
+    weights: (K, length, k) of the samples. variance: (K, length) as a share of the process variance.
     """
 
     weights: Floats
     variance: Floats
-    leave_one_out: Floats
 
 
 class DriftKriging:
@@ -46,39 +49,67 @@ class DriftKriging:
 
     def __init__(self, rate: float) -> None:
         scale = rate / REFERENCE_RATE
-        self.lengths = np.array([length * scale for length, _ in MATERN_KERNELS])[:, None, None]
+        self.lengths = np.array([length * scale for length, _ in MATERN_KERNELS])[:, None]
         self.noises = np.append([noise for _, noise in MATERN_KERNELS], 0.0)
         self.polygon_length = POLYGON_LENGTH * scale
+        self._covariance = np.zeros((N_KERNELS, 0))
         self._kept: dict[tuple[bytes, int], DriftWeights] = {}
 
     def weights(self, samples: Ints, length: int) -> DriftWeights:
         """Return the weights of samples at frames (k,), counted from the first frame of a gap of ``length`` frames."""
         key = samples.tobytes(), length
         if key not in self._kept:
-            self._kept[key] = self._solve(samples, length)
+            self.prepare([(samples, length)])
         return self._kept[key]
 
-    def _covariance(self, frames: Ints, others: Ints) -> Floats:
-        """Return the covariances (K, n, m) between frames (n,) and others (m,)."""
-        distances = (frames[:, None] - others).astype(float)
-        polygon = np.exp(-np.abs(distances) / self.polygon_length)
-        return np.concatenate([matern(distances[None], self.lengths), polygon[None]])
+    def prepare(self, patterns: Iterable[Pattern]) -> None:
+        """Compute the weights of patterns together, to be returned by ``weights``."""
+        alike: dict[tuple[int, int], dict[bytes, Ints]] = {}
+        for samples, length in patterns:
+            if (samples.tobytes(), length) not in self._kept:
+                alike.setdefault((len(samples), length), {})[samples.tobytes()] = samples
+        for (_, length), of_size in alike.items():
+            weights, variance = self._solve(np.stack(list(of_size.values())), length)
+            for key, *found in zip(of_size, weights, variance, strict=True):
+                self._kept[key, length] = DriftWeights(*found)
 
-    def _solve(self, samples: Ints, length: int) -> DriftWeights:
-        """Return what ``weights`` returns, from the linear system of the module's docstring."""
-        k, gap = len(samples), np.arange(length)
-        # The drift: a constant, and the time in units that keep its column near 1.
-        drift = np.stack([np.ones(k), samples / MAX_PER_SIDE])
-        system = np.zeros((N_KERNELS, k + 2, k + 2))
-        system[:, :k, :k] = self._covariance(samples, samples) + self.noises[:, None, None] * np.eye(k)
-        system[:, k:, :k], system[:, :k, k:] = drift, drift.T
-        right = np.empty((N_KERNELS, k + 2, length))
-        right[:, :k] = self._covariance(samples, gap)
-        right[:, k:] = np.stack([np.ones(length), gap / MAX_PER_SIDE])
-        # One factorisation gives the weights and the inverse.
-        identity = np.broadcast_to(np.eye(k + 2), system.shape)
-        solved = np.linalg.solve(system, np.concatenate([right, identity], axis=2))
-        solved, inverse = solved[..., :length], solved[..., length:]
-        variance = 1.0 + self.noises[:, None] - np.einsum("gkn,gkn->gn", right, solved)
-        weights = np.asarray(solved[:, :k].swapaxes(1, 2), dtype=np.float64)
-        return DriftWeights(weights, np.maximum(variance, MIN_VARIANCE), np.asarray(inverse[:, :k, :k]))
+    def leave_one_out(self, samples: Ints) -> Floats:
+        """Return matrices Q (K, k, k) of samples at frames (k,).
+
+        Sample i less its prediction from the other samples is (Q y)_i / Q_ii, and the variance of that is 1 / Q_ii.
+        """
+        return np.asarray(np.linalg.inv(self._systems(samples[None])[0])[:, : len(samples), : len(samples)])
+
+    def _solve(self, samples: Ints, length: int) -> tuple[Floats, Floats]:
+        """Return the weights (P, K, length, k) and variances (P, K, length) for P patterns of samples (P, k)."""
+        n_patterns, k = samples.shape
+        gap = np.arange(length)
+        right = np.empty((n_patterns, N_KERNELS, k + 2, length))
+        right[:, :, :k] = self._covariances(np.abs(samples[..., None] - gap))
+        right[:, :, k:] = np.stack([np.ones(length), gap / MAX_PER_SIDE])
+        solved = np.linalg.solve(self._systems(samples), right)
+        variance = 1.0 + self.noises[:, None] - np.einsum("pgkn,pgkn->pgn", right, solved)
+        return solved[:, :, :k].swapaxes(2, 3), np.maximum(variance, MIN_VARIANCE)
+
+    def _systems(self, samples: Ints) -> Floats:
+        """Return the matrices (P, K, k + 2, k + 2) of the linear systems for samples (P, k)."""
+        n_patterns, k = samples.shape
+        # The drift: a constant, and the time in units that keep its column near 1
+        drift = np.stack([np.ones(samples.shape), samples / MAX_PER_SIDE], axis=1)[:, None]
+        systems = np.zeros((n_patterns, N_KERNELS, k + 2, k + 2))
+        systems[:, :, :k, :k] = self._covariances(np.abs(samples[..., None] - samples[:, None]))
+        systems[:, :, range(k), range(k)] += self.noises[:, None]
+        systems[:, :, k:, :k], systems[:, :, :k, k:] = drift, drift.swapaxes(2, 3)
+        return systems
+
+    def _covariances(self, distances: Ints) -> Floats:
+        """Return the covariances (P, K, n, m) at distances (P, n, m), frames.
+
+        The covariance at each whole distance is computed once and then looked up.
+        """
+        if distances.max(initial=0) >= self._covariance.shape[1]:
+            frames = np.arange(2 * distances.max() + 1.0)
+            self._covariance = np.concatenate(
+                [matern(frames, self.lengths), np.exp(-frames / self.polygon_length)[None]]
+            )
+        return np.asarray(self._covariance[:, distances].swapaxes(0, 1))

@@ -35,6 +35,8 @@ def spread_out(candidates: Ints, most: int, min_distance: int) -> Ints:
     if not len(candidates):
         return candidates
     picked = candidates[np.unique(np.round(np.linspace(0, len(candidates) - 1, most)).astype(np.intp))]
+    if min_distance <= 1:
+        return np.asarray(picked)
     kept = [picked[0]]
     for candidate in picked[1:]:
         if candidate >= kept[-1] + min_distance:

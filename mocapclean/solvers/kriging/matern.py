@@ -21,21 +21,23 @@ def matern(distances: NDArray[Any], length: float | Floats) -> Floats:
     return covariance
 
 
-def bridge(known: Ints, wanted: Ints, lengths: Floats, noises: Floats) -> tuple[Floats, Floats]:
-    """Return the simple kriging weights (K, n, k) of values at known times (k,) for wanted times (n,), and the
+def bridges(known: Ints, wanted: Ints, lengths: Floats, noises: Floats) -> tuple[Floats, Floats]:
+    """Return the simple kriging weights (P, K, n, k) of values at known times (P, k) for wanted times (P, n), and the
     variances.
 
-    The second array is the conditional variance (K, n), as a share of the variance of the process. There are K
+    The second array is the conditional variance (P, K, n), as a share of the variance of the process. There are K
     processes, with ``lengths`` (K,) and ``noises`` (K,): the variance of the errors of the known values, as the same
     share. Times are whole numbers. Without known times the weights are empty and the variance is 1.
     """
-    if not len(known):
-        return np.zeros((len(lengths), len(wanted), 0)), np.ones((len(lengths), len(wanted)))
-    own, across = np.abs(known[:, None] - known), np.abs(known[:, None] - wanted)
+    if not known.size:
+        shape = len(wanted), len(lengths), wanted.shape[1]
+        return np.zeros((*shape, 0)), np.ones(shape)
+    own, across = np.abs(known[:, :, None] - known[:, None]), np.abs(known[:, :, None] - wanted[:, None])
     # Times are whole, so the covariance is computed once for each distance and then looked up.
     covariance = matern(np.arange(max(own.max(), across.max()) + 1), lengths[:, None])
     # weights = (K + noise I)⁻¹ k,   variance = 1 - kᵀ (K + noise I)⁻¹ k
-    systems = covariance[:, own] + noises[:, None, None] * np.eye(len(known))
-    solved = np.linalg.solve(systems, covariance[:, across])
-    variance = 1.0 - np.einsum("gkn,gkn->gn", covariance[:, across], solved)
-    return np.asarray(solved.swapaxes(1, 2), dtype=np.float64), np.maximum(variance, 0.0)
+    systems = covariance[:, own].swapaxes(0, 1) + noises[:, None, None] * np.eye(known.shape[1])
+    right = covariance[:, across].swapaxes(0, 1)
+    solved = np.linalg.solve(systems, right)
+    variance = 1.0 - np.einsum("pgkn,pgkn->pgn", right, solved)
+    return np.asarray(solved.swapaxes(2, 3), dtype=np.float64), np.maximum(variance, 0.0)

@@ -5,13 +5,13 @@ one side only. The second is universal kriging over time by several kernels (``d
 likelihood in the windows. Both are tried on the same windows as the predictors that follow neighbours.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 from mocapclean.arrays import Floats, Ints
 from mocapclean.solvers.kriging.bridging import PlanBridges
-from mocapclean.solvers.kriging.drift_kriging import DriftKriging
+from mocapclean.solvers.kriging.drift_kriging import DriftKriging, Pattern
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult, likelihood_weights
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 
@@ -44,10 +44,25 @@ def predict_from_own_path(
         return drift.weights[:, inside], drift.variance[:, inside]
 
     rules: list[WeightsFor] = [_straight_line]
-    # A line through one sample has no slope to krige with.
-    if len(plan.gap_adjacent) > 1 and all(len(group.known) > 1 for group in bridges.groups):
+    if _has_slopes(plan):
         rules.append(kriged)
     return [_predict(rule, target, plan, bridges, error_floor) for rule in rules]
+
+
+def own_path_patterns(plan: SamplingPlan) -> Iterator[Pattern]:
+    """Yield the patterns of samples that kriging over time uses for a plan."""
+    if not _has_slopes(plan):
+        return
+    length = int(plan.inside[-1]) + 1
+    yield plan.gap_adjacent - plan.gap[0], len(plan.gap)
+    yield plan.adjacent, length
+    for _, known in plan.known_patterns:
+        yield plan.adjacent[known], length
+
+
+def _has_slopes(plan: SamplingPlan) -> bool:
+    """Whether there is a slope to krige with beside the gap and all windows: a line through one sample has none."""
+    return len(plan.gap_adjacent) > 1 and all(len(known) > 1 for _, known in plan.known_patterns)
 
 
 def _straight_line(samples: Ints, inside: Ints, length: int) -> tuple[Floats, Floats]:
@@ -78,6 +93,7 @@ def _predict(
     inside, length = plan.inside, int(plan.inside[-1]) + 1
     truth = target[windows].reshape(*plan.windows.shape, 3)
     gap_weights, gap_variance = rule(plan.gap_adjacent - plan.gap[0], plan.gap - plan.gap[0], len(plan.gap))
+    # The variance in windows is that of a window whose adjacent samples are all known.
     _, window_variance = rule(plan.adjacent, inside, length)
     errors = np.empty((len(gap_weights), len(truth), len(inside), 3))
     for members, known, _ in bridges.groups:

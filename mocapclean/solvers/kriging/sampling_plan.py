@@ -1,6 +1,7 @@
 """The frames used for one part of a gap: training frames, test windows, samples beside it, and its own."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,6 +41,14 @@ class SamplingPlan:
         sizes = [len(self.training), self.windows.size, len(self.gap_adjacent), len(self.gap)]
         a, b, c, d = np.cumsum(sizes).tolist()
         return slice(0, a), slice(a, b), slice(b, c), slice(c, d)
+
+    @cached_property
+    def known_patterns(self) -> list[tuple[Ints, Ints]]:
+        """The windows (g,) whose adjacent frames are known in one pattern, and the indices (k,) of these frames."""
+        windows_of: dict[bytes, list[int]] = {}
+        for window, pattern in enumerate(self.adjacent_known):
+            windows_of.setdefault(pattern.tobytes(), []).append(window)
+        return [(np.array(windows), np.flatnonzero(self.adjacent_known[windows[0]])) for windows in windows_of.values()]
 
     @property
     def folds(self) -> Ints:

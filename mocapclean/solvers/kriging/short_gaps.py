@@ -7,15 +7,17 @@ gap, each predicted from the others: where a track jumps or rattles, a smooth cu
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs, runs
+from mocapclean.cores import in_parts
 from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.numerics.robust import nan_median
-from mocapclean.solvers.kriging.drift_kriging import MAX_PER_SIDE, DriftKriging, DriftWeights
+from mocapclean.solvers.kriging.drift_kriging import MAX_PER_SIDE, DriftKriging
 
 # Unless a source is given, the constants below were chosen by hand; no sweep was kept.
 MIN_TRUSTED = 12  # trusted samples of a marker, at least, for its gaps to be bridged
@@ -33,6 +35,7 @@ random the limit lowered the RMSE of that take from 0.0099 to 0.0080, in the uni
 """
 MEDIAN_TO_MEAN = 0.789  # median of the mean of three squared standard normal errors, whose mean is 1: median(χ²₃) / 3
 MIN_SHIFT = 1e-12  # mm, keeps a division by the length of a shift finite
+PART = 4  # markers whose gaps are bridged together on one core; chosen by hand for speed
 
 FramesFor = Callable[[int, Ints], BodyFrames | None]
 """Returns the frames of reference that follow a marker (column) at some frames of the take, or None.
@@ -64,19 +67,38 @@ def bridge_short_gaps(
     of a gap it is bridged from.
     """
     filled, sd = positions.copy(), np.full(trusted.shape, np.nan)
-    kriging = DriftKriging(rate)
-    for marker in np.flatnonzero(to_fill.any(axis=0)).tolist():
+    markers = np.flatnonzero(to_fill.any(axis=0)).tolist()
+    parts = [markers[first : first + PART] for first in range(0, len(markers), PART)]
+    bridged = in_parts(partial(_bridged, positions, trusted, to_fill, rate, frames_for, step), parts)
+    for marker, start, answer in chain.from_iterable(bridged):
+        span = slice(start, start + len(answer[0]))
+        filled[span, marker], sd[span, marker] = answer
+    return filled, sd
+
+
+def _bridged(
+    positions: Floats,
+    trusted: Bools,
+    to_fill: Bools,
+    rate: float,
+    frames_for: FramesFor | None,
+    step: int,
+    markers: list[int],
+) -> list[tuple[int, int, tuple[Floats, Floats]]]:
+    """Return the marker, the first frame, the positions (L, 3) and the SD (L,) of each gap of some markers, mm."""
+    kriging, bridged = DriftKriging(rate), []
+    for marker in markers:
         samples = np.flatnonzero(trusted[:, marker])
         gaps = [_stretch(samples, start, stop - start, step) for start, stop in runs(to_fill[:, marker]).tolist()]
         # Windows as long as each gap, and the errors in them.
         windows = {length: _windows(samples, length, step) for length in {gap.length for gap in gaps}}
-        frames = np.unique(np.concatenate([stretch.frames for stretch in chain(gaps, *windows.values())]))
+        stretches = [*gaps, *chain.from_iterable(windows.values())]
+        kriging.prepare([(stretch.samples, stretch.length) for stretch in stretches])
+        frames = np.unique(np.concatenate([stretch.frames for stretch in stretches]))
         tracks = _Tracks(positions[:, marker], frames, frames_for(marker, frames) if frames_for else None)
-        errors = {length: _window_errors(tracks, stretches, kriging) for length, stretches in windows.items()}
-        for gap in gaps:
-            span = slice(gap.start, gap.start + gap.length)
-            filled[span, marker], sd[span, marker] = _fill(tracks, gap, errors[gap.length], kriging)
-    return filled, sd
+        errors = {length: _window_errors(tracks, of_length, kriging) for length, of_length in windows.items()}
+        bridged += [(marker, gap.start, _fill(tracks, gap, errors[gap.length], kriging)) for gap in gaps]
+    return bridged
 
 
 class _Stretch(NamedTuple):
@@ -91,6 +113,11 @@ class _Stretch(NamedTuple):
     adjacent: Ints
     n_before: int
     hidden: Ints
+
+    @property
+    def samples(self) -> Ints:
+        """The adjacent frames, counted from the first frame of the stretch."""
+        return self.adjacent - self.start
 
     @property
     def inside(self) -> Ints:
@@ -141,7 +168,7 @@ class _Tracks:
             self.tracks.append(local)
 
     def at(self, frames: Ints) -> Floats:
-        """Return the positions (tracks, n, 3) at frames (n,)."""
+        """Return the positions (tracks, ..., 3) at frames (...)."""
         return np.stack([track[frames] for track in self.tracks])
 
     def to_world(self, track: int, positions: Floats, frames: Ints) -> Floats:
@@ -156,21 +183,29 @@ class _Tracks:
 def _window_errors(tracks: _Tracks, windows: list[_Stretch], kriging: DriftKriging) -> _WindowErrors | None:
     """Return the mean square errors in windows, by the median over windows; None without windows."""
     squares, scaled = [], []
+    alike: dict[tuple[bytes, bytes], list[_Stretch]] = {}
     for window in windows:
-        weights, variance, _ = kriging.weights(window.adjacent - window.start, window.length)
-        hidden = window.hidden - window.start
-        predicted = np.matmul(weights[:, hidden], tracks.at(window.adjacent)[:, None])
-        errors = np.square(predicted - tracks.at(window.hidden)[:, None]).mean(axis=3)
-        squares.append(errors.mean(axis=2))
-        scaled.append((errors / variance[:, hidden]).mean(axis=2))
+        key = window.samples.tobytes(), (window.hidden - window.start).tobytes()
+        alike.setdefault(key, []).append(window)
+    # Windows with the same pattern of samples are predicted with the same weights.
+    for group in alike.values():
+        weights, variance = kriging.weights(group[0].samples, group[0].length)
+        hidden = group[0].hidden - group[0].start
+        samples = tracks.at(np.stack([window.adjacent for window in group]))
+        predicted = np.matmul(weights[:, hidden], samples[:, :, None])
+        truth = tracks.at(np.stack([window.hidden for window in group]))[:, :, None]
+        errors = np.square(predicted - truth).mean(axis=4)
+        squares.append(errors.mean(axis=3))
+        scaled.append((errors / variance[:, hidden]).mean(axis=3))
     if not windows:
         return None
-    return _WindowErrors(nan_median(np.stack(squares)) / MEDIAN_TO_MEAN, nan_median(np.stack(scaled)) / MEDIAN_TO_MEAN)
+    of_all = [nan_median(np.concatenate(each, axis=1), axis=1) / MEDIAN_TO_MEAN for each in (squares, scaled)]
+    return _WindowErrors(*of_all)
 
 
 def _fill(tracks: _Tracks, gap: _Stretch, errors: _WindowErrors | None, kriging: DriftKriging) -> tuple[Floats, Floats]:
     """Return the positions (length, 3) of a gap and their SD (length,), mm: weighted means over tracks and kernels."""
-    drift = kriging.weights(gap.adjacent - gap.start, gap.length)
+    drift = kriging.weights(gap.samples, gap.length)
     # Tracks that are defined in the whole gap, and in some window.
     usable = np.isfinite(tracks.at(gap.frames)).all(axis=(1, 2))
     if errors:
@@ -178,7 +213,7 @@ def _fill(tracks: _Tracks, gap: _Stretch, errors: _WindowErrors | None, kriging:
         errors = _WindowErrors(errors.squares[usable], errors.scaled[usable])
     values = tracks.at(gap.adjacent)[usable]
     # Errors of each kernel on each track.
-    squares, scaled = _kernel_errors(values, gap, drift, errors)
+    squares, scaled = _kernel_errors(values, gap, kriging.leave_one_out(gap.samples), errors)
     # Weights of the kernels of each track, 1 / (mean square error)³, relative to the best.
     weights = ((squares.min() + EQUAL_ERROR) / (squares + EQUAL_ERROR)) ** ERROR_POWER
     # Each kernel's variance over the gap: kriging variance, scaled to its errors.
@@ -199,17 +234,18 @@ def _fill(tracks: _Tracks, gap: _Stretch, errors: _WindowErrors | None, kriging:
 
 
 def _kernel_errors(
-    values: Floats, gap: _Stretch, drift: DriftWeights, errors: _WindowErrors | None
+    values: Floats, gap: _Stretch, leave_one_out: Floats, errors: _WindowErrors | None
 ) -> tuple[Floats, Floats]:
     """Return the sum of square errors and the mean of scaled ones (tracks, kernels), mm², over samples and windows.
 
-    values: (tracks, k, 3) at the adjacent samples. The two nearest samples on each side are predicted from the others,
-    and the windows count as four more samples. Scaled errors are relative to the kriging variance.
+    values: (tracks, k, 3) at the adjacent samples. leave_one_out: (K, k, k), that of ``DriftKriging``. The two nearest
+    samples on each side are predicted from the others, and the windows count as four more samples. Scaled errors are
+    relative to the kriging variance.
     """
     nearest = slice(max(0, gap.n_before - N_LEFT_OUT), gap.n_before + N_LEFT_OUT)
     # Leave-one-out error (Q y)_i / Q_ii, and variance 1 / Q_ii.
-    diagonal = np.einsum("gkk->gk", drift.leave_one_out)[:, nearest]
-    left = np.matmul(drift.leave_one_out, (values - values.mean(axis=1, keepdims=True))[:, None])
+    diagonal = np.einsum("gkk->gk", leave_one_out)[:, nearest]
+    left = np.matmul(leave_one_out, (values - values.mean(axis=1, keepdims=True))[:, None])
     left_squares = np.square(left).mean(axis=3)[:, :, nearest]
     squares, scaled = (left_squares / diagonal**2).sum(axis=2), (left_squares / diagonal).sum(axis=2)
     counted = float(left_squares.shape[2])

@@ -9,7 +9,7 @@ from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_ga
 
 
 def bridge(positions, trusted, frames_for=None):
-    return bridge_short_gaps(positions, trusted, trusted | in_short_gaps(trusted, 5), 120.0, frames_for)
+    return bridge_short_gaps(positions, trusted, in_short_gaps(trusted, 5), 120.0, frames_for)
 
 
 def wave(n_frames: int = 300) -> np.ndarray:
