@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from mocapclean.geometry.alignment import segment_frames
+from mocapclean.geometry.body_frames import BodyFrames
 from mocapclean.geometry.rotations import fit_rotations
 
 
@@ -42,7 +43,8 @@ def test_a_rigid_segment_does_not_move_in_its_own_frames(rng, n_points):
     shape = rng.normal(size=(n_points, 3)) * 100
     turns = Rotation.random(40, random_state=3).as_matrix()
     points = np.einsum("nij,qj->nqi", turns, shape) + 1000 * rng.normal(size=(40, 1, 3))
-    (frames,) = segment_frames(points, np.ones((1, n_points)), 40)
+    found = segment_frames(points[None], np.ones((1, 1, n_points)), np.array([40]))
+    frames = BodyFrames(found.axes[0, 0], found.origins[0, 0])
     local = frames.to_local(points)
     assert np.abs(local - local.mean(axis=0)).max() < 1e-6
     assert np.allclose(frames.to_world(local), points)

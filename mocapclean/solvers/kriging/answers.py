@@ -8,7 +8,7 @@ import numpy as np
 
 from mocapclean.solvers.kriging.bridging import PlanBridges, patterns_of
 from mocapclean.solvers.kriging.gap_segment import Answer, Evidence, GapSegment
-from mocapclean.solvers.kriging.own_path import own_path_patterns, predict_from_own_path
+from mocapclean.solvers.kriging.own_path import predict_from_own_path
 from mocapclean.solvers.kriging.prediction import Neighbourhoods, predict_all
 from mocapclean.solvers.kriging.predictors import Predictor, applicable
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
@@ -69,7 +69,7 @@ def _planned(segments: Sequence[GapSegment], resembling: bool) -> list[_Planned]
     # The kriging weights over time of all plans are computed together.
     state.bridge_weights.prepare(chain.from_iterable(map(patterns_of, plans)))
     whole = [plan for segment, plan in zip(segments, plans, strict=True) if segment.whole]
-    state.drift_kriging.prepare(chain.from_iterable(map(own_path_patterns, whole)))
+    state.own_path.prepare(whole)
     return [
         _Planned(
             segment,
@@ -133,4 +133,4 @@ def _own_path(planned: _Planned) -> list[KrigingResult]:
     if not segment.whole:
         return []
     target = state.positions[planned.plan.frames, segment.marker]
-    return predict_from_own_path(target, planned.plan, planned.bridges, state.drift_kriging, state.params.noise**2)
+    return predict_from_own_path(target, planned.plan, state.own_path, state.params.noise**2)

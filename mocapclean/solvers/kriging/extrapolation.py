@@ -36,7 +36,8 @@ def pose_growth(positions: Floats, known: Ints, gap: Ints, window_length: int, f
         return np.asarray(np.linalg.norm(positions[frames][:, pairs[0]] - positions[frames][:, pairs[1]], axis=2))
 
     learnt = poses(spread_out(known, N_POSES, 1))
-    nearest = np.min([np.square(poses(gap) - pose).mean(axis=1) for pose in learnt], axis=0)
+    in_gap = poses(gap)
+    nearest = np.min([np.square(in_gap - pose).mean(axis=1) for pose in learnt], axis=0)
     later = spread_out(later, N_POSES, 1)
     usual = np.sqrt(np.square(poses(later + lag) - poses(later)).mean(axis=1)).mean()
     return np.asarray(np.maximum(np.maximum(np.sqrt(nearest), floor) / max(usual, floor), 1.0), dtype=np.float64)

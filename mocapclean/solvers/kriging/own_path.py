@@ -5,12 +5,11 @@ one side only. The second is universal kriging over time by several kernels (``d
 likelihood in the windows. Both are tried on the same windows as the predictors that follow neighbours.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
 from mocapclean.arrays import Floats, Ints
-from mocapclean.solvers.kriging.bridging import PlanBridges
 from mocapclean.solvers.kriging.drift_kriging import DriftKriging, Pattern
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult, likelihood_weights
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
@@ -21,15 +20,40 @@ FLAT_SHARE = 0.5
 Chosen by hand; no sweep was kept.
 """
 
-WeightsFor = Callable[[Ints, Ints, int], tuple[Floats, Floats]]
-"""Returns the weights (K, n, k) of samples at frames (k,) at the frames (n,) of a stretch, and the variances (K, n).
 
-The frames are counted from the first one of the stretch, whose length is the last argument.
-"""
+class OwnPath:
+    """The weights of both predictors at one frame rate, Hz, kept for each pattern of samples."""
+
+    def __init__(self, rate: float) -> None:
+        self.kriging = DriftKriging(rate)
+        self._kept: dict[tuple[bytes, bytes, int], tuple[Floats, Floats]] = {}
+
+    def prepare(self, plans: Iterable[SamplingPlan]) -> None:
+        """Compute the kriging weights of some plans together."""
+        self.kriging.prepare(pattern for plan in plans if _has_slopes(plan) for pattern in _patterns(plan))
+
+    def weights(self, samples: Ints, inside: Ints, length: int, *, kriged: bool) -> tuple[Floats, Floats]:
+        """Return the weights (K, n, k) of samples at frames (k,) for the frames inside (n,), and variances (K, n).
+
+        The straight line comes first, then the kernels if ``kriged``. Frames are counted from the first one of a
+        stretch of ``length`` frames.
+        """
+        key = samples.tobytes(), inside.tobytes(), length if kriged else -length
+        if key not in self._kept:
+            found = _straight_line(samples, inside, length)
+            if kriged:
+                drift = self.kriging.weights(samples, length)
+                weights, variance = found
+                found = (
+                    np.concatenate([weights, drift.weights[:, inside]]),
+                    np.concatenate([variance, drift.variance[:, inside]]),
+                )
+            self._kept[key] = found
+        return self._kept[key]
 
 
 def predict_from_own_path(
-    target: Floats, plan: SamplingPlan, bridges: PlanBridges, kriging: DriftKriging, error_floor: float
+    target: Floats, plan: SamplingPlan, own_path: OwnPath, error_floor: float
 ) -> list[KrigingResult]:
     """Return the results of the straight line and of kriging over time; none without a sample beside the gap.
 
@@ -38,21 +62,40 @@ def predict_from_own_path(
     """
     if not len(plan.gap_adjacent):
         return []
+    kriged, inside, length = _has_slopes(plan), plan.inside, int(plan.inside[-1]) + 1
+    _, windows, gap_adjacent, _ = plan.parts
+    truth = target[windows].reshape(*plan.windows.shape, 3)
+    gap_weights, gap_variance = own_path.weights(
+        plan.gap_adjacent - plan.gap[0], plan.gap - plan.gap[0], len(plan.gap), kriged=kriged
+    )
+    # The variance in windows is that of a window whose adjacent samples are all known.
+    _, window_variance = own_path.weights(plan.adjacent, inside, length, kriged=kriged)
+    errors = np.empty((len(gap_weights), len(truth), len(inside), 3))
+    for members, known in plan.known_patterns:
+        shares, _ = own_path.weights(plan.adjacent[known], inside, length, kriged=kriged)
+        samples = truth[members[:, None], len(inside) + known]
+        errors[:, members] = truth[members, : len(inside)] - np.matmul(shares[:, None], samples)
+    positions = gap_weights @ target[gap_adjacent]
+    everything = positions, errors, gap_variance, window_variance
+    results = [KrigingResult(*(values[0] for values in everything))]
+    if kriged:
+        weights = _kernel_weights(errors[1:], error_floor)
+        results.append(KrigingResult(*(np.tensordot(weights, values[1:], axes=1) for values in everything)))
+    return results
 
-    def kriged(samples: Ints, inside: Ints, length: int) -> tuple[Floats, Floats]:
-        drift = kriging.weights(samples, length)
-        return drift.weights[:, inside], drift.variance[:, inside]
 
-    rules: list[WeightsFor] = [_straight_line]
-    if _has_slopes(plan):
-        rules.append(kriged)
-    return [_predict(rule, target, plan, bridges, error_floor) for rule in rules]
+def _kernel_weights(errors: Floats, error_floor: float) -> Floats:
+    """Return the weights (K,) of kernels by the likelihood of their errors (K, w, m, 3) in windows; else equal ones."""
+    n_windows = errors.shape[1]
+    if not n_windows:
+        return np.full(len(errors), 1.0 / len(errors))
+    # One penalty only: the last axis that ``likelihood_weights`` has for them
+    squares = np.square(errors).mean(axis=(2, 3)).T[..., None]
+    return likelihood_weights(squares, np.full(n_windows, 1.0 / n_windows), error_floor)[:, 0]
 
 
-def own_path_patterns(plan: SamplingPlan) -> Iterator[Pattern]:
+def _patterns(plan: SamplingPlan) -> Iterator[Pattern]:
     """Yield the patterns of samples that kriging over time uses for a plan."""
-    if not _has_slopes(plan):
-        return
     length = int(plan.inside[-1]) + 1
     yield plan.gap_adjacent - plan.gap[0], len(plan.gap)
     yield plan.adjacent, length
@@ -83,32 +126,3 @@ def _straight_line(samples: Ints, inside: Ints, length: int) -> tuple[Floats, Fl
         walk = np.abs(frames - samples[nearest])
     variance = FLAT_SHARE + (1.0 - FLAT_SHARE) * walk / walk.mean()
     return weights, np.asarray(variance[None, inside], dtype=np.float64)
-
-
-def _predict(
-    rule: WeightsFor, target: Floats, plan: SamplingPlan, bridges: PlanBridges, error_floor: float
-) -> KrigingResult:
-    """Return the prediction of the gap by one rule, its kernels weighted by their likelihood in the windows."""
-    _, windows, gap_adjacent, _ = plan.parts
-    inside, length = plan.inside, int(plan.inside[-1]) + 1
-    truth = target[windows].reshape(*plan.windows.shape, 3)
-    gap_weights, gap_variance = rule(plan.gap_adjacent - plan.gap[0], plan.gap - plan.gap[0], len(plan.gap))
-    # The variance in windows is that of a window whose adjacent samples are all known.
-    _, window_variance = rule(plan.adjacent, inside, length)
-    errors = np.empty((len(gap_weights), len(truth), len(inside), 3))
-    for members, known, _ in bridges.groups:
-        shares, _ = rule(plan.adjacent[known], inside, length)
-        samples = truth[members][:, len(inside) + known]
-        errors[:, members] = truth[members][:, : len(inside)] - np.einsum("gmk,wkc->gwmc", shares, samples)
-    if len(truth):
-        # One penalty only: the axis that ``likelihood_weights`` has for them.
-        squares = np.square(errors).mean(axis=(2, 3)).T[..., None]
-        weights = likelihood_weights(squares, np.full(len(truth), 1.0 / len(truth)), error_floor)[:, 0]
-    else:
-        weights = np.full(len(errors), 1.0 / len(errors))
-    return KrigingResult(
-        positions=np.tensordot(weights, gap_weights, axes=1) @ target[gap_adjacent],
-        window_errors=np.tensordot(weights, errors, axes=1),
-        gap_variance=weights @ gap_variance,
-        window_variance=weights @ window_variance,
-    )

@@ -31,7 +31,7 @@ MAX_EXCURSION = 2.0  # times the largest known distance from the mean; by hand, 
 MIN_LENGTH = 1e-300  # mm, keeps a division by the length of a vector finite
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class KrigingResult:
     """The predictions of gap segments by regression kriging, and their errors in the windows.
 

@@ -9,9 +9,9 @@ from mocapclean.numerics import interpolation
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.bones import Bones
 from mocapclean.solvers.kriging.bridging import BridgeWeights
-from mocapclean.solvers.kriging.drift_kriging import DriftKriging
 from mocapclean.solvers.kriging.neighbour_frames import neighbour_frames
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
+from mocapclean.solvers.kriging.own_path import OwnPath
 from mocapclean.solvers.kriging.rest import Rest
 from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_gaps
 from mocapclean.take import Solution, Take
@@ -30,13 +30,13 @@ class TakeState:
     known: (F, M) whether a sample is trusted or in a bridged short gap.
     missing: (F, M) 1.0 where a sample is neither known nor filled, else 0.0.
     begun: (F, M) whether a sample is filled by the solution that the state began with.
-    distances, bones: measured on the trusted samples. bridge_weights, drift_kriging: shared by all gaps.
+    distances, bones: measured on the trusted samples. bridge_weights, own_path: shared by all gaps.
     """
 
     def __init__(self, take: Take, params: "Params", begun: Solution | None = None) -> None:
         """Take the samples of a take, and of a solution of it that was found with more of them trusted."""
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
-        self.bridge_weights, self.drift_kriging = BridgeWeights(take.rate), DriftKriging(take.rate)
+        self.bridge_weights, self.own_path = BridgeWeights(take.rate), OwnPath(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
         self.distances = NeighbourDistances.measured(
             interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None

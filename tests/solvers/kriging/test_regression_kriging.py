@@ -1,9 +1,12 @@
+from dataclasses import replace
+
 import numpy as np
 
 from mocapclean.solvers.kriging.bridging import BridgeWeights, PlanBridges
 from mocapclean.solvers.kriging.frame_selection import window_offsets
-from mocapclean.solvers.kriging.regression_kriging import krige
+from mocapclean.solvers.kriging.regression_kriging import KrigingResult, krige
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
+from mocapclean.solvers.kriging.segment_batch import batch_frames, batch_of
 
 RATE = 120.0
 
@@ -25,10 +28,27 @@ def plan_of(n_frames: int = 600, start: int = 300, length: int = 30, *, after: b
 
 
 def kriged(features: np.ndarray, target: np.ndarray, plan: SamplingPlan):
-    without_gap = target[plan.frames].copy()
-    without_gap[plan.parts[3]] = np.nan
-    bridges = PlanBridges(plan, BridgeWeights(RATE))
-    return krige(features[plan.frames], without_gap, plan, bridges, plan.held_out(3), 1e-4)
+    return kriged_together([features], [target], [plan])[0]
+
+
+def kriged_together(features: list[np.ndarray], targets: list[np.ndarray], plans: list[SamplingPlan]):
+    """The results of several segments of one batch."""
+    frames = batch_frames(plans)
+    values = np.stack([target[rows] for target, rows in zip(targets, frames, strict=True)])
+    bridges = [PlanBridges(plan, BridgeWeights(RATE)) for plan in plans]
+    batch = batch_of(plans, bridges, values, 3)
+    values[:, batch.gap] = np.nan
+    inputs = np.stack([of_one[rows] for of_one, rows in zip(features, frames, strict=True)])
+    found = krige(inputs, values, batch, inputs.shape[2], 1e-4)
+    return [
+        KrigingResult(
+            found.positions[k, : len(plan.gap)],
+            found.window_errors[k, : len(plan.windows)],
+            found.gap_variance[k, : len(plan.gap)],
+            found.window_variance[k],
+        )
+        for k, plan in enumerate(plans)
+    ]
 
 
 def test_a_linear_function_of_the_features_is_predicted(rng):
@@ -67,3 +87,16 @@ def test_a_gap_at_the_end_is_bridged_from_one_side(rng):
     result = kriged(features, target, plan)
     assert result.positions.shape == (30, 3)
     assert result.gap_variance[-1] > result.gap_variance[0]
+
+
+def test_a_segment_has_the_same_answer_whatever_else_is_in_its_batch(rng):
+    features = [np.cumsum(rng.normal(size=(600, 4)), axis=0) for _ in range(3)]
+    targets = [of_one @ rng.normal(size=(4, 3)) + rng.normal(size=(600, 3)) for of_one in features]
+    # Fewer frames to learn from, fewer windows, a shorter gap
+    plans = [plan_of(), plan_of(n_frames=560), plan_of(length=20)]
+    plans[1] = replace(plans[1], windows=plans[1].windows[:4], adjacent_known=plans[1].adjacent_known[:4])
+    together = kriged_together(features, targets, plans)
+    for of_one, target, plan, result in zip(features, targets, plans, together, strict=True):
+        alone = kriged(of_one, target, plan)
+        for field in ("positions", "window_errors", "gap_variance", "window_variance"):
+            assert np.allclose(getattr(result, field), getattr(alone, field), rtol=1e-9, atol=1e-9)
