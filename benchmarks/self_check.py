@@ -34,12 +34,13 @@ def compare(take, method, share, seed):
     broken = hide(take, missing)
     params = SOLVERS[method].Params()
 
-    def solve(take, wanted):
-        return run_method(method, take, params, wanted=wanted)
-
     started = process_time()
-    solution = solve(broken, missing)
+    solution = run_method(method, broken, params, wanted=missing)
     filled = process_time()
+
+    def solve(take, wanted):
+        return run_method(method, take, params, wanted=wanted, begun=solution)
+
     found = self_check.check(broken, np.ones_like(missing), solve, self_check.Params()).total.error
     checked = process_time()
     true = metrics.error(take.positions, solution.positions, missing & solution.filled)

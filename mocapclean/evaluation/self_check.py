@@ -53,7 +53,7 @@ class Params:
     )
     gaps: Annotated[
         int, Field(ge=1), About(symbol="n", text="gaps of mean length that hold the most samples to hide")
-    ] = 80
+    ] = 40
 
 
 @plain_dataclass(frozen=True, kw_only=True)
