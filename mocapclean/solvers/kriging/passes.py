@@ -34,10 +34,12 @@ class PassOutcome(NamedTuple):
     """The outcome of one pass over some gaps, which decides what the next pass fills.
 
     incomplete_training: whether a gap was learnt from frames that lack many neighbours. split: gaps filled in segments.
+    alone: gaps that would be split, and are filled from the marker's own path, which later passes do not change.
     """
 
     incomplete_training: bool
     split: list[GapSpan]
+    alone: list[GapSpan]
 
 
 def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
@@ -52,14 +54,16 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
     passes, incomplete, to_fill = 0, False, wanted_gaps
     while to_fill and passes < state.params.passes:
         before = state.positions
-        outcome = fill_gaps(state, to_fill)
+        outcome = fill_gaps(state, to_fill, first=passes == 0)
         passes += 1
+        gaps = [gap for gap in gaps if gap not in outcome.alone]
         # With a solution to begin with, gaps have learnt from filled samples in the first pass already.
         incomplete |= outcome.incomplete_training and not state.begun.any()
         if passes == 1:
             if incomplete:
                 # Gaps learn from filled samples: fill the others as well.
-                fill_gaps(state, sorted(set(gaps) - set(wanted_gaps)))
+                others = fill_gaps(state, sorted(set(gaps) - set(wanted_gaps)), first=True)
+                gaps = [gap for gap in gaps if gap not in others.alone]
             # Split gaps are filled again, since each segment can now be bridged from the fill of the next one.
             to_fill = gaps if incomplete else outcome.split
         else:
@@ -71,44 +75,48 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
 class _FilledGap(NamedTuple):
     """The answers of a gap.
 
-    spans: (first frame, frame after the last) of its segments. answers: one for each. split: whether the gap was split,
-    also where the answer of the whole gap is used. incomplete_training: as in ``PassOutcome``.
+    spans: (first frame, frame after the last) of its segments. answers: one for each. alone: whether the one segment is
+    the whole gap, from the marker's own path, where the gap would be split. incomplete_training: as in ``PassOutcome``.
     """
 
     spans: list[tuple[int, int]]
     answers: list[Answer | None]
-    split: bool
+    alone: bool
     incomplete_training: bool
 
 
-def fill_gaps(state: TakeState, gaps: list[GapSpan]) -> PassOutcome:
+def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutcome:
     """Fill gaps and update the state; every gap is filled from the state before the pass.
 
     A segment without an answer stays as it is: its samples are missing, and its interpolated positions are not read.
+    first: whether it is the first pass over these gaps, in which their segments are compared with the own path.
     """
     progress.stage("filling", len(gaps))
     # Every part has gaps of all lengths, so that all take about as long.
     ordered = sorted(gaps, key=lambda gap: gap.stop - gap.start)
     n_parts = -(-len(gaps) // PART)
-    parts = [ordered[first::n_parts] for first in range(n_parts)]
+    parts = [ordered[k::n_parts] for k in range(n_parts)]
     positions, sd = state.positions.copy(), state.sd.copy()
-    incomplete, split = False, []
-    for part, filled in zip(parts, in_parts(partial(_answered, state), parts), strict=True):
+    outcome = PassOutcome(False, [], [])
+    for part, filled in zip(parts, in_parts(partial(_answered, state, first), parts), strict=True):
         progress.advance(len(part))
         for gap, found in zip(part, filled, strict=True):
             answered = [(span, answer) for span, answer in zip(found.spans, found.answers, strict=True) if answer]
-            for (first, last), answer in answered:
-                positions[first:last, gap.marker], sd[first:last, gap.marker] = answer
+            for (start, stop), answer in answered:
+                positions[start:stop, gap.marker], sd[start:stop, gap.marker] = answer
             join_segments(positions[:, gap.marker], [span for span, _ in answered], state.rate)
-            incomplete |= found.incomplete_training
-            split += [gap] if found.split else []
+            outcome = outcome._replace(incomplete_training=outcome.incomplete_training or found.incomplete_training)
+            if found.alone:
+                outcome.alone.append(gap)
+            elif len(found.spans) > 1:
+                outcome.split.append(gap)
     state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
-    return PassOutcome(incomplete, split)
+    return outcome
 
 
-def _answered(state: TakeState, gaps: list[GapSpan]) -> list[_FilledGap]:
-    """Return the answers of gaps from a state, which stays as it is."""
+def _answered(state: TakeState, first: bool, gaps: list[GapSpan]) -> list[_FilledGap]:
+    """Return the answers of gaps from a state, which stays as it is; first: as in ``fill_gaps``."""
     # Segments in which the same neighbours are known are filled by themselves, then joined.
     spans = [split_gap(state.known, state.distances.weights(gap.marker), gap.start, gap.stop) for gap in gaps]
     parts = [
@@ -116,7 +124,7 @@ def _answered(state: TakeState, gaps: list[GapSpan]) -> list[_FilledGap]:
         for gap, of_gap in zip(gaps, spans, strict=True)
     ]
     alone = [
-        [GapSegment(state, *gap, alone=True)] if len(of_gap) > 1 else []
+        [GapSegment(state, *gap, alone=True)] if first and len(of_gap) > 1 else []
         for gap, of_gap in zip(gaps, spans, strict=True)
     ]
     found = iter(answers([segment for both in zip(parts, alone, strict=True) for each in both for segment in each]))
@@ -125,8 +133,9 @@ def _answered(state: TakeState, gaps: list[GapSpan]) -> list[_FilledGap]:
         of_parts, incomplete = [next(found) for _ in segments], any(part.incomplete_training for part in segments)
         of_whole = next(found) if whole else None
         if of_whole and _has_less_variance(of_whole, of_parts):
-            of_gap, of_parts = [(gap.start, gap.stop)], [of_whole]
-        filled.append(_FilledGap(of_gap, of_parts, bool(whole), incomplete))
+            filled.append(_FilledGap([(gap.start, gap.stop)], [of_whole], True, incomplete))
+        else:
+            filled.append(_FilledGap(of_gap, of_parts, False, incomplete))
     return filled
 
 
