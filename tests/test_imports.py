@@ -27,6 +27,7 @@ ORDER = (
     "numerics",
     "arrays",
     "files",
+    "progress",
     "parameters",
     "errors",
 )
