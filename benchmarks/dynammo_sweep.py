@@ -65,7 +65,7 @@ def main() -> None:
         for setting in SETTINGS:
             for method in ("dynammo", "bolero"):
                 module = SOLVERS[method]
-                if not set(setting) <= set(module.Params.__pydantic_fields__):
+                if not set(setting) <= set(annotations(module.Params)):
                     continue
                 for (name, length), (take, truth) in takes.items():
                     begin = perf_counter()

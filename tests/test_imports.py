@@ -29,6 +29,7 @@ ORDER = (
     "files",
     "progress",
     "parameters",
+    "registry",
     "errors",
 )
 PEERS = {("detection", "simulate"), ("simulate", "formats"), ("formats", "solvers"), ("detection", "formats")}

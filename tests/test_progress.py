@@ -37,13 +37,17 @@ def test_a_listener_hears_of_stages_and_steps_inside_its_block_alone():
 
 
 def test_parts_of_a_stage_are_shown_under_its_name_until_it_ends():
-    recorder = Recorder()
-    with progress.shown_by(recorder):
-        with pytest.raises(ValueError, match="stop"), progress.within("checking itself"):
+    def check_itself():
+        with progress.within("checking itself"):
             progress.stage("filling", 2)
             with progress.within("detecting"):
                 progress.stage("filling", 5)
             raise ValueError("stop")
+
+    recorder = Recorder()
+    with progress.shown_by(recorder):
+        with pytest.raises(ValueError, match="stop"):
+            check_itself()
         progress.stage("filling", 4)
     names = ["checking itself"] * 4 + ["filling"]
     assert recorder.heard == list(zip(names, (0, 2, 0, 5, 4), strict=True))

@@ -78,7 +78,7 @@ class Repair:
         for target in job.targets:
             check_output(target, None, settings.overwrite or may_replace)
         if may_replace:
-            settings = settings.model_copy(update={"overwrite": True})
+            settings = settings.but(overwrite=True)
             _discard_parts(job)
         outcome = repair(job.source, job.output, settings, job.sidecar)
         if source_sha256 and outcome.source_sha256 not in ("", source_sha256):
@@ -119,7 +119,7 @@ class Repair:
         """Write the take's own report; return the outcome, with the error if the report cannot be written."""
         try:
             with new_file(path) as part:
-                record.write(part, [record.row(outcome)], self.settings.model_dump(mode="json"))
+                record.write(part, [record.row(outcome)], self.settings.as_json())
         except MocapcleanError as error:
             return replace(outcome, error=str(error), exit_code=error.exit_code)
         return outcome

@@ -109,4 +109,4 @@ def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Pa
             part.write_bytes(junit(verdicts))
     if json_file:
         with new_file(json_file) as part:
-            part.write_text(checked(verdicts, settings.model_dump(mode="json")), encoding="utf-8")
+            part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8")

@@ -192,7 +192,7 @@ def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_js
     if isinstance(settings.report, Path):
         journal.begin(report_name(settings.report))
         with new_file(settings.report) as part:
-            record.write(part, (_row(job, journal) for job in jobs), settings.model_dump(mode="json"))
+            record.write(part, (_row(job, journal) for job in jobs), settings.as_json())
     counts: Counter[str] = Counter()
     code = 0
     for job in jobs:

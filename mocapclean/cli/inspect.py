@@ -37,6 +37,6 @@ def command(
         if not as_json and outcome.status != "failed":
             click.echo(inspection(outcome, verbose=settings.verbose))
     if as_json:
-        for text in record.text(map(record.row, outcomes), settings.model_dump(mode="json")):
+        for text in record.text(map(record.row, outcomes), settings.as_json()):
             click.echo(text, nl=False)
     return code

@@ -4,12 +4,11 @@ import inspect
 from dataclasses import fields
 
 import click
-from pydantic_core import to_jsonable_python
 
 from mocapclean.cli.guard import guarded
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.errors import UsageError
-from mocapclean.parameters import about
+from mocapclean.parameters import about, plain
 from mocapclean.report.text import table
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.method import Method
@@ -38,7 +37,7 @@ def _block(name: str, module: Method, *, full: bool) -> str:
     ]
     lines.append(f"  Source: {module.REFERENCE}")
     rows = [
-        [field.name, str(to_jsonable_python(field.default)), str(about(module.Params, field.name))]
+        [field.name, str(plain(field.default)), str(about(module.Params, field.name))]
         for field in fields(module.Params)
     ]
     return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "meaning"]) if rows)])

@@ -17,8 +17,6 @@ from dataclasses import asdict
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.dictionaries.body_parts import PARTS, BodyParts, distinct_bare_names
@@ -26,7 +24,7 @@ from mocapclean.dictionaries.dictionary import RATE_TOLERANCE, Dictionary, body_
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation, windows
 from mocapclean.numerics.coding.dictionary_learning import ksvd, learn_with_hidden_entries, scaled_to_use
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.take import Take
 
 # Fewest training windows for each atom; chosen by hand, so that no atom repeats a single window.
@@ -35,7 +33,7 @@ _SIGNALS_PER_ATOM = 4
 _HIDDEN_SETS = 8
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """How much is learnt and from how much."""
 

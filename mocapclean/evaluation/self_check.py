@@ -8,20 +8,17 @@ method fills the hidden ones. Nothing is random: the same take always has the sa
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass as plain_dataclass
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
 from mocapclean.geometry.distances import exact_pairs, mean_distances
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.take import Solution, Take
 
 Gaps = NDArray[np.intp]
@@ -37,7 +34,7 @@ DISTANCE_FRAMES = 600  # most frames from which the SD of a distance is computed
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """How much is hidden: as many samples as are really lost, within limits."""
 
@@ -55,7 +52,7 @@ class Params:
     ] = 80
 
 
-@plain_dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class HiddenGaps:
     """The result of a method on hidden gaps.
 
@@ -75,7 +72,7 @@ class HiddenGaps:
     factor: float = 1.0
 
 
-@plain_dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SelfCheck:
     """The errors of a method on hidden samples of a take: in total, and by length of gap.
 

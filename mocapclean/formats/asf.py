@@ -22,7 +22,6 @@ from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.text import blank, decode, finite, load, quote
 from mocapclean.geometry.skeleton import Channel, Skeleton, turn
 
-SUFFIX = ".asf"
 ROOT = "root"
 """The name of the root in every ASF and AMC file."""
 INCH = 25.4

@@ -16,7 +16,7 @@ from mocapclean.take import Solution, Take
 
 def solver(method: str, settings: Settings, dictionary: Dictionary | None) -> Callable[[Take, Bools], Solution]:
     """Return a function that fills the wanted samples (F, M) of a take by a method with its parameters."""
-    params = getattr(settings.methods, method)
+    params = settings.methods[method]
     return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary)
 
 
@@ -29,7 +29,7 @@ def settle_method(
     checked: SelfCheck | None = None
     if settings.method == "auto":
         choice, checked = choose(take, wanted, settings, dictionary)
-        settings = settings.model_copy(update={"method": choice.method})
+        settings = settings.but(method=choice.method)
     # Candidates were compared on all their answers. Where uncertain ones are left out, the chosen one is checked again.
     leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
     if checks_itself and (checked is None or leaves_some):

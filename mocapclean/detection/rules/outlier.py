@@ -7,19 +7,17 @@ much as a fill by that method, and is off by default. It runs after the other ru
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 
 AFTER_OTHERS = True
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -22,8 +22,6 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 from scipy.interpolate import PchipInterpolator
 
 from mocapclean.arrays import Bools, Floats, Ints
@@ -31,14 +29,14 @@ from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, duration, findings, leap
 from mocapclean.detection.segments import SegmentEnds, best_chain, cut_segments
 from mocapclean.numerics.robust import nan_median
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding
 
 AFTER_OTHERS = True
 _RATE = 120.0  # Hz, frame rate that the threshold is given for, as in Wang et al. 2016
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of trust data detection."""
 

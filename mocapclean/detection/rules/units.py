@@ -11,13 +11,11 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import evenly_spaced
 from mocapclean.detection.evidence import FARTHEST, Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
 # Chosen by hand; no sweep was kept.
@@ -27,7 +25,7 @@ _BODY_SIZE = 300.0  # mm, typical size of a body: the message compares the take 
 _SPEED_SHARE = 0.99  # quantile of the speeds that is the speed of a take
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 
