@@ -19,6 +19,7 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc
+from mocapclean.parameters import annotations
 from mocapclean.simulate import block_loss
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method

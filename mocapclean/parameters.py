@@ -4,14 +4,11 @@ pydantic checks the values. It is loaded with the first value that is given, bec
 small take to read; a class that keeps its defaults needs no check.
 """
 
-import math
+import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform, get_origin
-
-import numpy as np
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -79,6 +76,13 @@ def parameters(declared: type[T]) -> type[T]:
     return checked
 
 
+def but(params: T, **changes: Any) -> T:
+    """Return the same parameters but for some, whose values are known to be valid and are not checked."""
+    changed = copy.copy(params)
+    vars(changed).update(changes)
+    return changed
+
+
 @cache
 def checker(params: Any) -> "TypeAdapter[Any]":
     """Return what checks the values of a class of parameters."""
@@ -98,23 +102,6 @@ def faults(params: type, values: Mapping[str, Any]) -> list[tuple[str, str, Any]
     except ValidationError as invalid:
         return [(str(each["loc"][0]), each["msg"], each["input"]) for each in invalid.errors()]
     return []
-
-
-def plain(value: Any) -> Any:
-    """Return dataclasses, paths and NumPy scalars as JSON values; numbers that are not finite become null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
 
 
 def annotations(params: type) -> Mapping[str, Any]:

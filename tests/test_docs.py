@@ -21,7 +21,8 @@ from mocapclean.config.loading import resolve
 from mocapclean.config.settings import Methods, Settings
 from mocapclean.detection import RULES
 from mocapclean.errors import ConfigError
-from mocapclean.parameters import annotations, plain
+from mocapclean.json_values import plain
+from mocapclean.parameters import annotations
 from mocapclean.solvers import SOLVERS
 from mocapclean.take.status import MEANINGS, Status
 

@@ -28,8 +28,10 @@ ORDER = (
     "arrays",
     "files",
     "progress",
+    "json_values",
     "parameters",
     "registry",
+    "units",
     "errors",
 )
 PEERS = {("detection", "simulate"), ("simulate", "formats"), ("formats", "solvers"), ("detection", "formats")}

@@ -6,7 +6,7 @@ from typing import Annotated
 import pytest
 from pydantic import ValidationError
 
-from mocapclean.dictionaries import training
+from mocapclean.dictionaries import training_parameters
 from mocapclean.evaluation import self_check
 from mocapclean.parameters import About, Field, about, parameters
 
@@ -36,6 +36,6 @@ def test_the_range_and_the_type_are_still_enforced(value):
         Params(weight=value)
 
 
-@pytest.mark.parametrize("params", [training.Params, self_check.Params])
+@pytest.mark.parametrize("params", [training_parameters.Params, self_check.Params])
 def test_training_and_self_check_have_them_too(params):
     assert all(about(params, field.name).text for field in fields(params))

@@ -16,8 +16,9 @@ from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError
 from mocapclean.files import check_output, discard_parts, new_file
 from mocapclean.formats import companion
+from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
-from mocapclean.pipeline.repair import digest, repair
+from mocapclean.pipeline.repair import repair
 from mocapclean.report import record
 from mocapclean.report.text import summary
 

@@ -1,6 +1,5 @@
 """Every option of the command with its type, unit and default, as frozen settings."""
 
-import copy
 import os
 from collections.abc import Iterator
 from dataclasses import field, fields
@@ -10,13 +9,12 @@ from typing import Annotated, Any, Literal
 from mocapclean.config.sections import Sections
 from mocapclean.detection import RULES
 from mocapclean.evaluation.self_check import Params as HidingParams
-from mocapclean.parameters import AtLeastOne, Field, NotNegative, Positive, parameters, plain
+from mocapclean.json_values import plain
+from mocapclean.parameters import AtLeastOne, Field, NotNegative, Positive, but, parameters
 from mocapclean.solvers import AUTO_CANDIDATES, SOLVERS
+from mocapclean.units import MILLIMETRES
 
 DEFAULT_METHOD = "kriging"
-MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
-"""Millimetres per unit of length; the inch is 25.4 mm by definition, and a foot is 12 inches."""
-
 _NO_EFFECT_ON_REPAIR = {
     *("output", "out_dir", "sidecar", "overwrite", "report", "include_files", "exclude_files", "quiet", "verbose"),
     *("workers", "timeout", "memory", "scheduler"),
@@ -210,9 +208,7 @@ class Settings:
 
     def but(self, **changes: Any) -> "Settings":
         """Return the same settings but for some options, whose values are known to be valid."""
-        changed = copy.copy(self)
-        vars(changed).update(changes)
-        return changed
+        return but(self, **changes)
 
     def absolute(self) -> "Settings":
         """Return the same settings with absolute paths, for a machine that shares the storage."""

@@ -6,7 +6,7 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.breaks import break_thresholds, bursts, innovations
@@ -182,7 +182,14 @@ class MarkerPaths:
 
 def _guide(filled: Floats, prediction: Prediction) -> Floats:
     """Return positions (F, M, 3) that accelerate as the markers do: the predicted ones, or else smoothed paths."""
-    guide, alone = prediction.positions.copy(), ~prediction.predicted
-    if alone.any():
-        guide[:, alone] = median_filter(filled[:, alone], size=(_SMOOTHED, 1, 1), mode="nearest")
+    guide = prediction.positions.copy()
+    for marker in np.flatnonzero(~prediction.predicted):
+        guide[:, marker] = _running_median(filled[:, marker])
     return guide
+
+
+def _running_median(path: Floats) -> Floats:
+    """Return the median over time of each coordinate of a path (F, 3); the ends are repeated."""
+    half = _SMOOTHED // 2
+    windows = sliding_window_view(np.pad(path, ((half, half), (0, 0)), mode="edge"), _SMOOTHED, axis=0)
+    return np.partition(windows, half, axis=2)[..., half]

@@ -1,6 +1,5 @@
 """Repair one take: prepare, fill, write, verify, and record what happened."""
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -21,6 +20,7 @@ from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
 from mocapclean.pipeline.choose import settle_method, solver
 from mocapclean.pipeline.filling import merge
+from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
 from mocapclean.pipeline.summary import summarise, with_accuracy
@@ -45,20 +45,6 @@ def repair(source: Path, output: Path, settings: Settings, arrays: Path | None =
         message = f"{source}: there is not enough memory for this take."
         outcome = Outcome(source=source, status="failed", error=message, exit_code=1)
     return replace(outcome, seconds=perf_counter() - started)
-
-
-def inspect(source: Path, settings: Settings) -> Outcome:
-    """Read and detect, write nothing. Raises what reading raises."""
-    prepared = prepare(source, settings)
-    selected = prepared.selected
-    outcome = summarise(selected, selected, detected(selected), settings)
-    return replace(outcome, source=source, status="inspected", format=prepared.format, source_sha256=digest(source))
-
-
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, as hexadecimal digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:

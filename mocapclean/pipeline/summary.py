@@ -66,8 +66,8 @@ def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
 
 def _statuses(codes: Codes) -> Mapping[Status, int]:
     """Return how many samples have each status that occurs."""
-    values, numbers = np.unique(codes, return_counts=True)
-    return {Status(value): int(number) for value, number in zip(values.tolist(), numbers.tolist(), strict=True)}
+    numbers = np.bincount(codes.ravel()).tolist()
+    return {Status(value): number for value, number in enumerate(numbers) if number}
 
 
 def _moves(before: Take, after: Take, codes: Codes) -> Floats:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from mocapclean import __version__
 from mocapclean.evaluation.metrics import GRADES
-from mocapclean.parameters import plain
+from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
@@ -40,6 +39,8 @@ def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterat
 
 
 def _head(config: Mapping[str, Any]) -> dict[str, Any]:
+    import scipy  # only its version is needed, and only by a report
+
     versions = {
         "mocapclean": __version__,
         "python": platform.python_version(),

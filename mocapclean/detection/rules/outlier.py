@@ -12,7 +12,6 @@ from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
 from mocapclean.parameters import Field, parameters
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.running import run_method
 
 AFTER_OTHERS = True
 
@@ -31,6 +30,8 @@ class Params(Switch):
 def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) whose sparse part exceeds ``least``, and their findings."""
     take, method = evidence.take, params.method
+    from mocapclean.solvers.running import run_method  # the rule is off by default, and its defaults need no method
+
     noise = run_method(method, take, SOLVERS[method].Params(denoise=True, sparsity=params.sparsity)).outliers
     size = np.zeros(take.trusted.shape) if noise is None else np.linalg.norm(noise, axis=2)
     outliers = np.asarray(take.trusted & (size > params.least))

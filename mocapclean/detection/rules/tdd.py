@@ -22,7 +22,6 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.evidence import Evidence
@@ -152,6 +151,8 @@ def _readmitted(path: Floats, chain: Bools, valid: Bools, distance: float) -> Bo
     doubted = doubted[(doubted > frames[0]) & (doubted < frames[-1])]
     trusted = chain.copy()
     if len(frames) > 1 and doubted.size:
+        from scipy.interpolate import PchipInterpolator  # few takes need a curve
+
         curve = PchipInterpolator(frames, path[frames], axis=0)(doubted)
         trusted[doubted] = np.linalg.norm(path[doubted] - curve, axis=1) <= distance
     return trusted

@@ -15,6 +15,7 @@ import numpy as np
 from mocapclean.arrays import evenly_spaced
 from mocapclean.detection.evidence import FARTHEST, Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
+from mocapclean.numerics.robust import quantile
 from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
@@ -74,4 +75,4 @@ def _speed(take: Take) -> float | None:
     """Return the speed of the take, mm/s; None if no marker is trusted in two consecutive frames."""
     both = take.trusted[1:] & take.trusted[:-1]
     steps = np.linalg.norm(np.diff(take.positions, axis=0), axis=2)[both]
-    return float(np.quantile(steps, _SPEED_SHARE) * take.rate) if steps.size else None
+    return quantile(steps, _SPEED_SHARE) * take.rate if steps.size else None

@@ -1,4 +1,4 @@
-"""Options of commands for many takes; the inputs, limits and signal handling made of them."""
+"""The inputs, limits and signal handling of commands for many takes."""
 
 import contextlib
 import os
@@ -6,65 +6,17 @@ import signal
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, BinaryIO
-
-import click
+from typing import BinaryIO
 
 from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
 from mocapclean.batch.limits import WorkerLimits, processors
 from mocapclean.batch.pool import Stop
-from mocapclean.cli.options import FILE, Command
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
 _FINISHING = b"mocapclean: Finishing running takes. Press Ctrl-C again to stop now.\n"
 _DROPPING = b"mocapclean: Stopping. Running takes are dropped.\n"
-
-
-class _Shard(click.ParamType[tuple[int, int]]):
-    """The type of ``--shard``: i/n with 1 <= i <= n."""
-
-    name = "i/n"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
-        """Return (i, n)."""
-        index, slash, count = str(value).partition("/")
-        if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
-            self.fail(f"a shard must be i/n with 1 <= i <= n, such as 3/20. Got {value!r}.", param, ctx)
-        return int(index), int(count)
-
-
-_SELECTING = (
-    click.option("--files-from", type=click.File("rb"), help="List of more inputs, one per line; - for stdin."),
-    click.option("-0", "--null", is_flag=True, help="Names in --files-from end with NUL, as from 'find -print0'."),
-    click.option(
-        "--include-files", multiple=True, metavar="GLOB", help="Only files of this name; with / of this path."
-    ),
-    click.option("--exclude-files", multiple=True, metavar="GLOB", help="No files of this name; with / of this path."),
-    click.option("--relative-to", type=FILE, help="Mirror paths below this folder (--files-from: the current one)."),
-    click.option("--shard", type=_Shard(), help="Do only part i of n, for job arrays; no two parts share a take."),
-)
-_WORKING = (
-    click.option("--workers", metavar="N|auto", help="Takes at the same time, each in a process (default: 1)."),
-    click.option("--timeout", type=float, metavar="SECONDS", help="A take that needs longer fails."),
-    click.option("--memory", metavar="SIZE", help="A take that needs more memory fails; such as 2GiB."),
-)
-_CLUSTER = click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://head:8786.")
-
-
-def batching(command: Command) -> Command:
-    """Add the options that select takes and decide where and how many run at the same time."""
-    for option in reversed((*_SELECTING, *_WORKING, _CLUSTER)):
-        command = option(command)
-    return command
-
-
-def working(command: Command) -> Command:
-    """Add the options that decide how many takes run at the same time, and what each may use."""
-    for option in reversed(_WORKING):
-        command = option(command)
-    return command
 
 
 def select_inputs(
