@@ -6,7 +6,7 @@ A. E. Hoerl, R. W. Kennard, 1970, doi:10.1080/00401706.1970.10488634.
 """
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+import scipy
 
 from mocapclean.arrays import Bools, Floats
 
@@ -29,7 +29,7 @@ class RidgeRegression:
             features = self.features[held_out]
             gram, cross = gram - features.T @ features, cross - features.T @ self.target[held_out]
         systems = gram + (self.penalty_unit * penalties)[:, None, None] * np.eye(len(gram))
-        return np.stack([dposv(system.T, cross, overwrite_a=True)[1] for system in systems])
+        return np.stack([scipy.linalg.lapack.dposv(system.T, cross, overwrite_a=True)[1] for system in systems])
 
 
 def ridge_prediction(features: Floats, target: Floats, n_training: int, penalty: float) -> Floats:

@@ -7,7 +7,7 @@ L. Breiman, 1996, Stacked regressions, doi:10.1007/BF00117832.
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import nnls
+import scipy
 
 from mocapclean.arrays import Floats
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
@@ -38,7 +38,7 @@ def stacking_weights(errors: Floats, shrinkage: float) -> Floats:
     # wᵀ (RᵀR) w = |R w|² for non-negative w; the last row makes Σ w = 1.
     root = np.linalg.cholesky(moments + JITTER * np.eye(n)).T
     system = np.vstack([root, np.full((1, n), SUM_STIFFNESS)])
-    weights, _ = nnls(system, np.append(np.zeros(n), SUM_STIFFNESS))
+    weights, _ = scipy.optimize.nnls(system, np.append(np.zeros(n), SUM_STIFFNESS))
     return np.asarray(weights / weights.sum(), dtype=np.float64)
 
 
