@@ -6,6 +6,7 @@ import click
 
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE, reading, working
+from mocapclean.cli.stages import stages_shown
 
 
 @click.command("check")
@@ -24,6 +25,7 @@ def command(**options: Any) -> int:
     A folder stands for all takes in it and below it. Exits 0 when all takes pass, 1 when some fail, 2 when the command
     or the configuration is wrong.
     """
-    from mocapclean.cli.work import check
+    with stages_shown(options):
+        from mocapclean.cli.work import check
 
-    return check.work(**options)
+        return check.work(**options)

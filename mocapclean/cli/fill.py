@@ -6,6 +6,7 @@ import click
 
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE, batching, reading
+from mocapclean.cli.stages import stages_shown
 
 
 @click.command("fill")
@@ -49,6 +50,7 @@ def command(**options: Any) -> int:
     Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder among FILES
     stands for all takes in it and below it; --out-dir then has the same tree.
     """
-    from mocapclean.cli.work import fill
+    with stages_shown(options):
+        from mocapclean.cli.work import fill
 
-    return fill.work(**options)
+        return fill.work(**options)

@@ -6,6 +6,7 @@ import click
 
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import FILE, reading
+from mocapclean.cli.stages import stages_shown
 
 
 @click.command("inspect")
@@ -16,6 +17,7 @@ from mocapclean.cli.options import FILE, reading
 @guarded
 def command(**options: Any) -> int:
     """Show markers, frames, rate, gaps and findings of FILES (.c3d, .bvh, .amc). Writes nothing."""
-    from mocapclean.cli.work import inspect
+    with stages_shown(options):
+        from mocapclean.cli.work import inspect
 
-    return inspect.work(**options)
+        return inspect.work(**options)

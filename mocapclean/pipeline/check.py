@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from mocapclean import progress
 from mocapclean.arrays import Bools, runs
 from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
@@ -201,7 +202,8 @@ def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
     solve = solver(method, settings, library)
-    checked = self_check.check(take, np.ones_like(take.trusted), solve, settings.hiding)
+    with progress.within("checking itself"):
+        checked = self_check.check(take, np.ones_like(take.trusted), solve, settings.hiding)
     error = checked.total.error
     return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from mocapclean import progress
 from mocapclean.arrays import Bools
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import Dictionary
@@ -28,14 +29,16 @@ def settle_method(
     choice: MethodChoice | None = None
     checked: SelfCheck | None = None
     if settings.method == "auto":
-        choice, checked = choose(take, wanted, settings, dictionary)
+        with progress.within("choosing a method"):
+            choice, checked = choose(take, wanted, settings, dictionary)
         settings = settings.but(method=choice.method)
     # Candidates were compared on all their answers. Where uncertain ones are left out, the chosen one is checked again.
     leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
     if checks_itself and (checked is None or leaves_some):
         try:
             solve = solver(settings.method, settings, dictionary)
-            checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
+            with progress.within("checking itself"):
+                checked = self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
         except SolverError as error:
             checked = SelfCheck(because=f"with more samples hidden the method fails: {error}")
     return settings, choice, checked

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from mocapclean import formats
+from mocapclean import formats, progress
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import load
@@ -60,12 +60,14 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
         nothing = np.zeros_like(selected.trusted)
         solution = Solution(positions=selected.positions, filled=nothing, reason="nothing to fill")
     else:
+        progress.stage("filling")
         solution = solver(settings.method, settings, library)(selected, wanted)
     sd = _error_bars(selected, solution, wanted, settings)
     if sd is not None and checked is not None:
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
+    progress.stage("writing")
     written = formats.write(
         prepared.with_selected(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )

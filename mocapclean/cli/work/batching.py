@@ -3,15 +3,18 @@
 import contextlib
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
+from mocapclean import progress
 from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
 from mocapclean.batch.limits import WorkerLimits, processors
 from mocapclean.batch.pool import Stop
+from mocapclean.cli.stages import drawn_bar
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
@@ -61,3 +64,43 @@ def stopping(*, on_cluster: bool = False) -> Iterator[Stop]:
     finally:
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+class TakeBar:
+    """The bar over the takes of a run, on a terminal; a run of one take has none, and a quiet run has none."""
+
+    def __init__(self, n_takes: int, *, quiet: bool) -> None:
+        self._bar: Any = None
+        if n_takes != 1 and not quiet and sys.stderr.isatty():
+            self._bar = drawn_bar(total=n_takes, unit="take")
+
+    def __enter__(self) -> "TakeBar":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    @contextlib.contextmanager
+    def aside(self) -> Iterator[None]:
+        """Take all bars off the terminal while the block prints."""
+        progress.finish()
+        if self._bar is None:
+            yield
+            return
+        with self._bar.external_write_mode():
+            yield
+
+    def advance(self, note: str = "") -> None:
+        """Count one more take as done, and show a note beside the number."""
+        if self._bar is not None:
+            self._bar.set_postfix_str(note, refresh=False)
+            self._bar.update()
+
+
+def one_take_alone(n_takes: int, limits: WorkerLimits, *, quiet: bool) -> None:
+    """Let the stages of the work be shown only where it is on one take, and tell of a process of its own."""
+    if n_takes != 1 or quiet:
+        progress.silence()
+    elif limits.workers:
+        progress.stage("in a process of its own")

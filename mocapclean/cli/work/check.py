@@ -5,19 +5,17 @@ from pathlib import Path
 from typing import Any
 
 import click
-from tqdm import tqdm
 
 from mocapclean.batch.inputs import find
 from mocapclean.batch.pool import JobResults, run
 from mocapclean.cli.guard import complain
 from mocapclean.cli.work.arguments import resolve_settings
-from mocapclean.cli.work.batching import stopping, worker_limits
+from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import check_output, new_file
 from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
-from mocapclean.report.junit import junit
 from mocapclean.report.record import checked
 from mocapclean.report.text import verdict
 
@@ -38,9 +36,9 @@ def work(
     )
     verdicts = dict[Path, Verdict]()
     with stopping() as stop:
-        results: JobResults[Path, Verdict] = run(
-            CheckTake(settings), takes, worker_limits(settings, alone=len(takes) == 1), stop
-        )
+        limits = worker_limits(settings, alone=len(takes) == 1)
+        one_take_alone(len(takes), limits, quiet=settings.quiet)
+        results: JobResults[Path, Verdict] = run(CheckTake(settings), takes, limits, stop)
         with contextlib.closing(results):
             _print_verdicts(results, verdicts, settings, len(takes))
     if stop.signal:
@@ -78,19 +76,21 @@ def _print_verdicts(
     results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, n_takes: int
 ) -> None:
     """Print each verdict when it arrives, and add it to ``verdicts``."""
-    with tqdm(total=n_takes, unit="take", disable=None if n_takes > 1 and not settings.quiet else True) as bar:
+    with TakeBar(n_takes, quiet=settings.quiet) as bar:
         for source, result in results:
             if isinstance(result, MocapcleanError):
                 result = unchecked(source, "finished", f"{source}: {result}", "raise --timeout or --memory")
             verdicts[source] = result
             if not (settings.quiet and result.passes):
-                with tqdm.external_write_mode():
+                with bar.aside():
                     click.echo(verdict(result, verbose=settings.verbose))
-            bar.update()
+            bar.advance()
 
 
 def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, settings: Settings) -> None:
     if junit_file:
+        from mocapclean.report.junit import junit  # the XML library is not needed without it
+
         with new_file(junit_file) as part:
             part.write_bytes(junit(verdicts))
     if json_file:

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -10,7 +9,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import click
-from tqdm import tqdm
 
 from mocapclean.batch.journal import Journal, earlier_outputs
 from mocapclean.batch.plan import make_folders, plan, report_name
@@ -18,7 +16,7 @@ from mocapclean.batch.pool import JobResults, Stop, run
 from mocapclean.batch.repairing import FinishedTake, Repair, RepairJob, failed_outcome
 from mocapclean.cli.guard import INTERRUPTED, complain
 from mocapclean.cli.work.arguments import resolve_settings
-from mocapclean.cli.work.batching import select_inputs, stopping, worker_limits
+from mocapclean.cli.work.batching import TakeBar, one_take_alone, select_inputs, stopping, worker_limits
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import new_file
@@ -58,7 +56,7 @@ def work(
     protected = [settings.skeleton, settings.dictionary, settings.gaps, settings.reference, config]
     jobs = plan(inputs, settings, filter(None, protected), earlier, shard, resume=resume)
     make_folders(jobs, settings.out_dir)
-    with stopping(on_cluster=bool(settings.scheduler)) as stop, _journal(settings, shard) as journal:
+    with stopping(on_cluster=bool(settings.scheduler)) as stop, _journal(settings, shard, len(jobs)) as journal:
         with contextlib.closing(_begin(jobs, journal, settings, stop)) as results:
             n_earlier = _collect(results, jobs, journal, settings, as_json)
         code = _conclude(jobs, journal, settings, as_json, n_earlier)
@@ -74,6 +72,7 @@ def _begin(
 ) -> JobResults[RepairJob, FinishedTake]:
     """Return the results of the jobs, run on this machine or on the cluster of ``settings.scheduler``."""
     work, limits = Repair(settings), worker_limits(settings, alone=len(jobs) == 1)
+    one_take_alone(len(jobs), limits, quiet=settings.quiet)
     if not settings.scheduler:
         return run(work, _journaled(jobs, journal), limits, stop)
     from mocapclean.batch import cluster
@@ -92,11 +91,18 @@ def _journaled(jobs: Iterable[RepairJob], journal: Journal) -> Iterator[RepairJo
 
 
 @contextlib.contextmanager
-def _journal(settings: Settings, shard: tuple[int, int] | None) -> Iterator[Journal]:
-    """Yield the journal of the run: in the output folder, one per shard; or in a temporary folder without --out-dir."""
+def _journal(settings: Settings, shard: tuple[int, int] | None, n_takes: int) -> Iterator[Journal]:
+    """Yield the journal of the run: in the output folder, one per shard.
+
+    Without --out-dir it is in a temporary folder, and that of one take is in memory.
+    """
     name = "journal-{}-of-{}".format(*shard) if shard else "journal"
     with contextlib.ExitStack() as stack:
-        folder = settings.out_dir or Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mocapclean-")))
+        folder = settings.out_dir
+        if folder is None and n_takes > 1:
+            import tempfile  # only for this case
+
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="mocapclean-")))
         yield stack.enter_context(Journal(folder, name))
 
 
@@ -109,7 +115,7 @@ def _collect(
 ) -> int:
     """Journal and print each result when it arrives; return the number of takes that an earlier run had finished."""
     n_failed = n_earlier = 0
-    with tqdm(total=len(jobs), unit="take", disable=None if len(jobs) > 1 and not settings.quiet else True) as bar:
+    with TakeBar(len(jobs), quiet=settings.quiet) as bar:
         for job, result in results:
             if isinstance(result, MocapcleanError):
                 result = FinishedTake(row=record.row(failed_outcome(job, str(result))))
@@ -121,10 +127,9 @@ def _collect(
                 journal.add(job.name, result.key, result.row)
             row = _row(job, journal)
             n_failed += row["status"] == "failed"
-            with tqdm.external_write_mode():
+            with bar.aside():
                 _print(row, result, settings, as_json)
-            bar.set_postfix_str(f"{n_failed} failed", refresh=False)
-            bar.update()
+            bar.advance(f"{n_failed} failed")
     return n_earlier
 
 

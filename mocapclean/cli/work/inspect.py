@@ -5,6 +5,7 @@ from typing import Any
 
 import click
 
+from mocapclean import progress
 from mocapclean.cli.guard import complain
 from mocapclean.cli.work.arguments import refuse_folders, resolve_settings
 from mocapclean.errors import MocapcleanError
@@ -23,7 +24,9 @@ def work(
     for path in refuse_folders(files):
         try:
             outcome = inspect(path, settings)
+            progress.finish()
         except MocapcleanError as error:
+            progress.finish()
             complain(str(error))
             code = max(code, error.exit_code)
             outcome = Outcome(source=path, status="failed", error=str(error), exit_code=error.exit_code)
