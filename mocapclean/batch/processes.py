@@ -30,7 +30,7 @@ def run_in_workers(
     work: Work[Job, Result], jobs: Iterable[Job], limits: WorkerLimits, stop: Stop
 ) -> JobResults[Job, Result]:
     """Run the jobs in worker processes, one job per process at a time."""
-    free = [_Worker(limits) for _ in range(limits.workers)]
+    free = [_Worker(limits, type(work).__module__) for _ in range(limits.workers)]
     busy: dict[Future[Any], tuple[_Worker, Job]] = {}
     finished: list[tuple[Job, Result | MocapcleanError]] = []
     pending = iter(jobs)
@@ -70,9 +70,9 @@ def _attempt_within(work: Work[Job, Result], job: Job, memory: int | None) -> Re
 class _Worker:
     """One worker process, replaced by a new process whenever it is lost."""
 
-    def __init__(self, limits: WorkerLimits) -> None:
-        self.limits = limits
-        self.pool = _new_pool()
+    def __init__(self, limits: WorkerLimits, module: str) -> None:
+        self.limits, self.module = limits, module
+        self.pool = _new_pool(module)
 
     def begin(self, work: Work[Job, Result], job: Job) -> Future[Result | MocapcleanError]:
         """Start a job in the process, or in a new process if the old one has died since its last job."""
@@ -98,15 +98,18 @@ class _Worker:
 
     def _replace(self) -> None:
         _shut_down(self.pool)
-        self.pool = _new_pool()
+        self.pool = _new_pool(self.module)
 
 
-def _new_pool() -> ProcessPool:
-    """Return a pool of one process. It is not forked from this process, whose threads may hold locks."""
+def _new_pool(module: str) -> ProcessPool:
+    """Return a pool of one process. It is not forked from this process, whose threads may hold locks.
+
+    module: that of the work, which is loaded once for all processes.
+    """
     has_forkserver = "forkserver" in multiprocessing.get_all_start_methods()
     context = multiprocessing.get_context("forkserver" if has_forkserver else "spawn")
     if has_forkserver:
-        context.set_forkserver_preload(["mocapclean.batch.repairing"])
+        context.set_forkserver_preload([module])
     return ProcessPool(max_workers=1, initializer=_prepare_worker, context=context)
 
 

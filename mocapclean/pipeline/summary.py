@@ -119,14 +119,16 @@ def bone_reports(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...]
     columns = {name: column for column, name in enumerate(before.markers)}
     ends = np.array([(columns[b.start], columns[b.end]) for b in bones], dtype=np.intp).reshape(-1, 2)
     lengths = np.array([b.length for b in bones])
-    states = ((before.positions, before.trusted), (after.positions, before.trusted | after.filled))
-    first, second = (metrics.bone_lengths(*state, ends, lengths) for state in states)
+    states = [(before.positions, before.trusted)]
+    if after is not before:
+        states.append((after.positions, before.trusted | after.filled))
+    measured = [metrics.bone_lengths(*state, ends, lengths) for state in states]
+    errors = [metrics.skeleton_rmse(*state, ends, lengths) for state in states]
     reports = tuple(
         BoneReport(start=bone.start, end=bone.end, reference=bone.length, before=was, after=now)
-        for bone, was, now in zip(bones, first, second, strict=True)
+        for bone, was, now in zip(bones, measured[0], measured[-1], strict=True)
     )
-    was, now = (metrics.skeleton_rmse(*state, ends, lengths) for state in states)
-    return source, reports, (was, now)
+    return source, reports, (errors[0], errors[-1])
 
 
 def with_accuracy(outcome: Outcome, after: Take, truth: Take) -> Outcome:
