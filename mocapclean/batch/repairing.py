@@ -86,12 +86,14 @@ class Repair:
             job.output.unlink(missing_ok=True)
             outcome = failed_outcome(job, "the input changed while it was read. Try again.")
         report = job.report if outcome.status != "failed" else None
-        if report:
-            outcome = self._write_report(report, outcome)
+        row = record.row(outcome)
+        if report and (fault := self._write_report(report, row)):
+            outcome = replace(outcome, error=str(fault), exit_code=fault.exit_code)
+            row = record.row(outcome)
         shown_report = report or (self.settings.report if isinstance(self.settings.report, Path) else None)
         return FinishedTake(
             key=key if outcome.status != "failed" else "",
-            row=record.row(outcome),
+            row=row,
             summary=summary(outcome, verbose=self.settings.verbose, report=shown_report),
         )
 
@@ -116,14 +118,14 @@ class Repair:
             return "", ""
         return source_sha256, sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
-    def _write_report(self, path: Path, outcome: Outcome) -> Outcome:
-        """Write the take's own report; return the outcome, with the error if the report cannot be written."""
+    def _write_report(self, path: Path, row: Mapping[str, Any]) -> MocapcleanError | None:
+        """Write the take's own report; return the error if it cannot be written."""
         try:
             with new_file(path) as part:
-                record.write(part, [record.row(outcome)], self.settings.as_json())
+                record.write(part, [row], self.settings.as_json())
         except MocapcleanError as error:
-            return replace(outcome, error=str(error), exit_code=error.exit_code)
-        return outcome
+            return error
+        return None
 
 
 def _discard_parts(job: RepairJob) -> None:
