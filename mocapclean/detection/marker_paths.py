@@ -15,7 +15,7 @@ from mocapclean.detection.prediction import Prediction, predict
 from mocapclean.detection.rigid_pairs import RigidPairs
 from mocapclean.detection.steps import SLIDE_SECONDS, SNAP, Step, is_certain, same_time
 from mocapclean.geometry.distances import Rigidity
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import median, nan_median
 
 CLOSEST_PARTNERS = 5  # partners whose distances and faults count for a step
 _LINK_SECONDS = 1.25  # s, cost of a link of a path that nothing explains
@@ -103,7 +103,7 @@ class MarkerPaths:
             start = low + int(np.argmax(rises))
             step = replace(step, start=start, sudden=bool(self.breaks[start, step.marker]))
         closest = self.body.rigid.partners(step.marker)[0][:CLOSEST_PARTNERS]
-        are_rigid = np.median(self.body.rigid.spread[step.marker, closest]) <= _RIGID_SD
+        are_rigid = median(self.body.rigid.spread[step.marker, closest]) <= _RIGID_SD
         return replace(
             step,
             changed_pairs=len(self.body.pairs.changed(step.marker, step.start)),

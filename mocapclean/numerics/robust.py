@@ -29,10 +29,21 @@ def nan_quantiles(values: Floats, shares: tuple[float, ...]) -> Floats:
     return np.stack([np.take_along_axis(ordered, row[None], axis=0)[0] for row in rows])
 
 
+def median(values: Floats) -> float:
+    """Return the median of all values; NaN if one of them is NaN, or without any.
+
+    NumPy's own function loads masked arrays with its first call, which takes longer than a small take.
+    """
+    ordered = np.sort(values, axis=None)
+    if not ordered.size or np.isnan(ordered[-1]):
+        return float("nan")
+    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2.0)
+
+
 def quantile(values: Floats, share: float) -> float:
     """Return a quantile of values (n,), n > 0, interpolated linearly between two of them, as ``numpy.quantile`` does.
 
-    NumPy's own function loads masked arrays with its first call, which takes longer than a small take.
+    NumPy's own function loads masked arrays too.
     """
     place = share * (len(values) - 1)
     low = int(place)

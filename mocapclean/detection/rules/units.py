@@ -15,7 +15,7 @@ import numpy as np
 from mocapclean.arrays import evenly_spaced
 from mocapclean.detection.evidence import FARTHEST, Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
-from mocapclean.numerics.robust import quantile
+from mocapclean.numerics.robust import median, quantile
 from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
@@ -68,7 +68,7 @@ def _size(take: Take) -> float | None:
     # Distances of each marker, sorted with itself first: column M/4 is the marker a quarter of all markers away.
     distances = np.sort(np.linalg.norm(known[:, :, None] - known[:, None], axis=3), axis=2)[..., n_markers // 4]
     distances = distances[np.isfinite(distances)]
-    return float(np.median(distances)) if distances.size and np.median(distances) > 0 else None
+    return median(distances) if distances.size and median(distances) > 0 else None
 
 
 def _speed(take: Take) -> float | None:

@@ -113,6 +113,8 @@ def _marks(positions: Floats, trusted: Bools) -> NDArray[np.float64]:
     is_far = np.zeros_like(trusted)
     for axis in range(3):
         is_far |= trusted & ((positions[..., axis] >= least) | (positions[..., axis] <= -least))
+    if not is_far.any():
+        return np.zeros(0)
     far = np.abs(positions[is_far])
     triples = far[(far == far[:, :1]).all(axis=1), 0]
     beyond = _repeated(far[far >= BEYOND_ANY_VOLUME])
