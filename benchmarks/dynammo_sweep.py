@@ -19,6 +19,7 @@ from time import perf_counter
 import numpy as np
 
 from mocapclean.formats import amc
+from mocapclean.parameters import annotations
 from mocapclean.simulate import block_loss
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
@@ -65,7 +66,7 @@ def main() -> None:
         for setting in SETTINGS:
             for method in ("dynammo", "bolero"):
                 module = SOLVERS[method]
-                if not set(setting) <= set(module.Params.__pydantic_fields__):
+                if not set(setting) <= set(annotations(module.Params)):
                     continue
                 for (name, length), (take, truth) in takes.items():
                     begin = perf_counter()

@@ -21,7 +21,8 @@ import numpy as np
 from trnn2_sweep import CAPTURES, hide, read_take
 
 from mocapclean.dictionaries.body_parts import known_parts
-from mocapclean.dictionaries.training import Params, train
+from mocapclean.dictionaries.training import train
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 

@@ -20,7 +20,8 @@ import numpy as np
 
 from mocapclean import read
 from mocapclean.dictionaries.body_parts import known_parts
-from mocapclean.dictionaries.training import Params, train
+from mocapclean.dictionaries.training import train
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.numerics import windows
 from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.locality import reconstruct

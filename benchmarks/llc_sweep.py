@@ -22,7 +22,8 @@ import numpy as np
 
 from mocapclean import read
 from mocapclean.dictionaries.body_parts import known_parts
-from mocapclean.dictionaries.training import Params, train
+from mocapclean.dictionaries.training import train
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.numerics import interpolation
 from mocapclean.simulate import block_loss, hide, random_loss
 from mocapclean.solvers import SOLVERS

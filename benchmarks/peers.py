@@ -70,7 +70,7 @@ def main() -> None:
     for method in methods:
         found = []
         for row in (row for row in rows if row["method"] == NAMES[method]):
-            mine, seconds = ours(method, getattr(settings.methods, method), row, given.captures)
+            mine, seconds = ours(method, settings.methods[method], row, given.captures)
             theirs = float(row["rmse_mm"])
             found.append((mine, theirs, seconds))
             case = f"{row['take']} {row['markers_out']}x{row['frames_out']} seed {row['seed']}"

@@ -1,5 +1,6 @@
 """The entry point of the command; ``--version`` imports nothing else."""
 
+import gc
 import os
 import sys
 
@@ -16,7 +17,11 @@ def main() -> None:
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     from mocapclean.cli import cli
 
-    cli(prog_name="mocapclean")
+    try:
+        cli(prog_name="mocapclean")
+    finally:
+        # At exit Python would search all objects for cycles to free, as long as it takes to import NumPy once more.
+        gc.freeze()
 
 
 if __name__ == "__main__":

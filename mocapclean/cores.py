@@ -3,12 +3,12 @@
 The parts do not depend on the number of cores, so that the results do not depend on it either.
 """
 
-import multiprocessing
 import sys
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
+
+from mocapclean.errors import WorkerError
 
 Part = TypeVar("Part")
 Result = TypeVar("Result")
@@ -16,7 +16,7 @@ Result = TypeVar("Result")
 # A forked process begins at once with all data of its parent; one that is spawned imports and receives everything anew.
 _START = "fork" if sys.platform == "linux" else "spawn"
 _LEAST_PARTS = {"fork": 2, "spawn": 12}[_START]
-"""Parts from which starting processes pays: about 0.1 s of work each, against 0.02 s and 1 s; chosen by hand."""
+"""Parts from which starting processes pays: a part takes about 0.2 s, a start 0.02 s or 1 s; chosen by hand."""
 
 _cores = 1
 _function: Callable[[Any], Any]
@@ -36,21 +36,35 @@ def sharing(cores: int) -> Iterator[None]:
 def in_parts(function: Callable[[Part], Result], parts: Sequence[Part]) -> Iterator[Result]:
     """Yield the result of a function for each part, in their order, computed on as many cores as may be used.
 
-    The function must not change anything outside, because the changes would be lost.
+    The function must not change anything outside, because the changes would be lost. Raises what the function raises,
+    and WorkerError where the system ends one of the processes.
     """
     workers = min(_cores, len(parts))
-    if workers < 2 or len(parts) < _LEAST_PARTS or multiprocessing.current_process().daemon:
+    if workers < 2 or len(parts) < _LEAST_PARTS:
         yield from map(function, parts)
         return
+    # These modules are loaded for a take with many gaps alone.
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+    from concurrent.futures.process import BrokenProcessPool
+
     context = multiprocessing.get_context(_START)
-    with ProcessPoolExecutor(workers, context, _begin, (function,)) as pool:
-        yield from pool.map(_call, parts)
+    try:
+        with ProcessPoolExecutor(workers, context, _begin, (function,)) as pool:
+            yield from pool.map(_call, parts)
+    except BrokenProcessPool:
+        message = "a process that worked on a part of the take was ended, as the system does when memory runs out."
+        raise WorkerError(f"{message} --workers 1 needs less.") from None
 
 
 def _begin(function: Callable[[Any], Any]) -> None:
-    """Take the function that a worker process is started for."""
+    """Take the function that a worker process is started for. Signals are for the main process."""
+    import signal
+
     global _function, _cores
     _function, _cores = function, 1
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _call(part: Any) -> Any:

@@ -59,3 +59,8 @@ class FormatError(MocapcleanError):
 def _from_message(message: str) -> FormatError:
     """Return an error with a message that is already composed."""
     return FormatError.__new__(FormatError, message)
+
+
+def printable(text: str) -> str:
+    """Return a line with escapes for characters that cannot be printed or would control the terminal."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)

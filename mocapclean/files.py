@@ -1,10 +1,8 @@
 """Safe writing of any file: never the input, never over an existing file unasked, complete or not at all."""
 
 import contextlib
-import glob
 import hashlib
 import os
-import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -31,7 +29,7 @@ def new_file(path: Path) -> Iterator[Path]:
     The temporary file keeps the suffix of ``path`` and is removed when the block raises. Raises FormatError when the
     folder does not allow a new file or the file cannot be stored.
     """
-    part = path.parent / f"{_part_prefix(path)}{secrets.token_hex(8)}.part{path.suffix}"
+    part = path.parent / f"{_part_prefix(path)}{os.urandom(8).hex()}.part{path.suffix}"
     try:
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as fault:
@@ -47,8 +45,10 @@ def new_file(path: Path) -> Iterator[Path]:
 
 def discard_parts(path: Path) -> None:
     """Remove the temporary files of ``path`` that a killed process left; no other process may be writing ``path``."""
-    for part in path.parent.glob(f"{glob.escape(_part_prefix(path))}*.part{glob.escape(path.suffix)}"):
-        part.unlink(missing_ok=True)
+    start, end = _part_prefix(path), f".part{path.suffix}"
+    for name in os.listdir(path.parent) if path.parent.is_dir() else ():
+        if name.startswith(start) and name.endswith(end):
+            (path.parent / name).unlink(missing_ok=True)
 
 
 def _part_prefix(path: Path) -> str:

@@ -1,11 +1,23 @@
-"""The declaration of a parameter: which values its class refuses, and its symbol, unit and meaning for the user."""
+"""The declaration of parameters: which values a class refuses, and the symbol, unit and meaning of each for the user.
 
-from dataclasses import dataclass
+pydantic checks the values. It is loaded with the first value that is given, because it takes longer to load than a
+small take to read; a class that keeps its defaults needs no check.
+"""
 
-from pydantic import ConfigDict
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform, get_origin
 
-STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-"""The configuration of every parameter class: an unknown name, a wrong type, NaN and infinity are refused."""
+if TYPE_CHECKING:
+    from pydantic import TypeAdapter
+
+T = TypeVar("T")
+
+
+STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
+"""pydantic's configuration of all classes of parameters: unknown names, wrong types, NaN and infinity are refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,8 +35,83 @@ class About:
         return f"{self.symbol}, {self.unit}, {self.text}"
 
 
+class Field:
+    """The values that a parameter may have, as part of its annotation; the names are those of ``pydantic.Field``."""
+
+    def __init__(self, **limits: Any) -> None:
+        self.limits = limits
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return pydantic's schema of the annotated type within the limits."""
+        from pydantic import Field as PydanticField
+
+        return handler.generate_schema(Annotated[source, PydanticField(**self.limits)])
+
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+AtLeastOne = Annotated[int, Field(gt=0)]
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def parameters(declared: type[T]) -> type[T]:
+    """Return a class as a frozen dataclass that checks the values it is given.
+
+    A value that pydantic refuses, by ``STRICT``, by its type or by its ``Field``, raises pydantic's ValidationError.
+    """
+    checked = dataclass(frozen=True, kw_only=True)(declared)
+    with_defaults = checked.__init__
+
+    def __init__(self: Any, **values: Any) -> None:  # noqa: N807
+        if values:
+            from pydantic_core import ArgsKwargs
+
+            check: Any = checker(checked)  # type: ignore[arg-type]
+            check.validator.validate_python(ArgsKwargs((), values), self_instance=self)
+        else:
+            with_defaults(self)
+
+    checked.__init__ = __init__  # type: ignore[method-assign]
+    checked.__pydantic_config__ = STRICT  # type: ignore[attr-defined]
+    return checked
+
+
+def but(params: T, **changes: Any) -> T:
+    """Return the same parameters but for some, whose values are known to be valid and are not checked."""
+    changed = copy.copy(params)
+    vars(changed).update(changes)
+    return changed
+
+
+@cache
+def checker(params: Any) -> "TypeAdapter[Any]":
+    """Return what checks the values of a class of parameters."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(params)
+
+
+def faults(params: type, values: Mapping[str, Any]) -> list[tuple[str, str, Any]]:
+    """Return the name, the fault and the value of each parameter that a class refuses; empty where all are valid."""
+    if not values:
+        return []
+    from pydantic import ValidationError
+
+    try:
+        params(**values)
+    except ValidationError as invalid:
+        return [(str(each["loc"][0]), each["msg"], each["input"]) for each in invalid.errors()]
+    return []
+
+
+def annotations(params: type) -> Mapping[str, Any]:
+    """Return the annotation of each parameter of a class, in order."""
+    return {field.name: field.type for field in fields(params)}
+
+
 def about(params: type, name: str) -> About:
     """Return the ``About`` of a parameter of a class of parameters. KeyError or ValueError: there is none."""
-    metadata = params.__pydantic_fields__[name].metadata  # type: ignore[attr-defined]
+    annotation = annotations(params)[name]
+    metadata = annotation.__metadata__ if get_origin(annotation) is Annotated else ()
     (meaning,) = (item for item in metadata if isinstance(item, About))
     return meaning

@@ -18,13 +18,16 @@ class Listener(Protocol):
     def advance(self, n: int) -> None:
         """Show that so many more steps are done."""
 
+    def finish(self) -> None:
+        """Show no stage until the next one begins."""
+
 
 _listener: Listener | None = None
 _outer = ""
 
 
 def stage(name: str, total: int = 0) -> None:
-    """Begin a stage of the work, such as "filling", of ``total`` equal steps; 0 where it has none."""
+    """Begin a stage of the work, such as "filling", of ``total`` equal steps: gaps; 0 where they are not counted."""
     if _listener is not None:
         _listener.stage(_outer or name, total)
 
@@ -33,6 +36,19 @@ def advance(n: int = 1) -> None:
     """Count ``n`` more steps of the stage as done."""
     if _listener is not None:
         _listener.advance(n)
+
+
+def finish() -> None:
+    """Let no stage be shown until the next one begins, as before something is printed."""
+    if _listener is not None:
+        _listener.finish()
+
+
+def silence() -> None:
+    """Let no stage be shown from now on."""
+    global _listener
+    finish()
+    _listener = None
 
 
 @contextmanager
@@ -58,11 +74,11 @@ def shown_by(listener: Listener | None) -> Iterator[None]:
         _listener = before
 
 
-def _forget_listener() -> None:
+def _forget() -> None:
+    """Forget the listener: a forked worker must not draw on its parent's terminal."""
     global _listener
     _listener = None
 
 
-# A forked worker must not draw on its parent's terminal.
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forget_listener)
+    os.register_at_fork(after_in_child=_forget)

@@ -4,7 +4,8 @@ import numpy as np
 
 from mocapclean.dictionaries.body_parts import BodyParts
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.dictionaries.training import Params, train
+from mocapclean.dictionaries.training import train
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.take import Take
 
 SMALL = Params(window=12, atoms=60, windows=400, sweeps=2, hole_passes=1, poses=300)

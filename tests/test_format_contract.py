@@ -14,6 +14,7 @@ from mocapclean import formats
 from mocapclean.config.settings import Settings
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import FORMATS
+from mocapclean.formats.declarations import DECLARATIONS
 from mocapclean.pipeline.repair import repair
 
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
@@ -30,6 +31,7 @@ def path(request, tmp_path_factory, monkeypatch):
     """A file to hold the laws against; that of the toy format is created by the public function."""
     if request.param is not TOY:
         return request.param
+    monkeypatch.setitem(DECLARATIONS, "toy", ToyFormat.DECLARATION)
     monkeypatch.setitem(FORMATS, "toy", ToyFormat())
     created = tmp_path_factory.mktemp("toy") / "walk.toy"
     mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), created)
@@ -126,6 +128,7 @@ def test_a_declaration_is_true(path):
 
 
 def test_a_toy_take_is_repaired_by_the_command(tmp_path, monkeypatch):
+    monkeypatch.setitem(DECLARATIONS, "toy", ToyFormat.DECLARATION)
     monkeypatch.setitem(FORMATS, "toy", ToyFormat())
     mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), tmp_path / "walk.toy")
     outcome = repair(tmp_path / "walk.toy", tmp_path / "out.toy", Settings(method="linear", self_check=False))

@@ -27,7 +27,12 @@ ORDER = (
     "numerics",
     "arrays",
     "files",
+    "cores",
+    "progress",
+    "json_values",
     "parameters",
+    "registry",
+    "units",
     "errors",
 )
 PEERS = {("detection", "simulate"), ("simulate", "formats"), ("formats", "solvers"), ("detection", "formats")}

@@ -4,15 +4,14 @@ from dataclasses import fields
 from typing import Annotated
 
 import pytest
-from pydantic import Field, ValidationError
-from pydantic.dataclasses import dataclass
+from pydantic import ValidationError
 
-from mocapclean.dictionaries import training
+from mocapclean.dictionaries import training_parameters
 from mocapclean.evaluation import self_check
-from mocapclean.parameters import STRICT, About, about
+from mocapclean.parameters import About, Field, about, parameters
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     weight: Annotated[float, Field(gt=0), About(symbol="λ √max(F, 3M)", unit="mm", text="weight, or none")] = 2.0
     plain: int = 1
@@ -37,6 +36,6 @@ def test_the_range_and_the_type_are_still_enforced(value):
         Params(weight=value)
 
 
-@pytest.mark.parametrize("params", [training.Params, self_check.Params])
+@pytest.mark.parametrize("params", [training_parameters.Params, self_check.Params])
 def test_training_and_self_check_have_them_too(params):
     assert all(about(params, field.name).text for field in fields(params))

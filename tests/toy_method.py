@@ -5,13 +5,10 @@ As a script it is the command ``mocapclean`` with this method in the registry.
 
 from typing import Annotated
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
 from mocapclean.arrays import Bools
 from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.numerics.interpolation import linear
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
@@ -20,7 +17,7 @@ REFERENCE = "A toy of the tests."
 TRAITS = Traits(self_checked=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """How much of the travel is followed."""
 

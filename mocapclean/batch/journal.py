@@ -7,13 +7,12 @@ row of the report}}`` when it has finished. Lines are only appended. A last line
 import json
 import os
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 from types import TracebackType
 from typing import Any, BinaryIO
-
-from filelock import FileLock, Timeout
 
 from mocapclean.errors import UsageError
 
@@ -81,20 +80,29 @@ class Journal:
     """The journal of one run, on the disk in its output folder; memory holds only the positions of the rows.
 
     A context manager. Raises UsageError if another run is writing into the folder or if the folder cannot be written.
-    If the disk is full later, rows are kept in memory and ``fault`` is the message for the user.
+    If the disk is full later, rows are kept in memory and ``fault`` is the message for the user. Without a folder all
+    rows are kept in memory.
     """
 
-    def __init__(self, folder: Path, name: str = "journal") -> None:
-        self.path = folder / FOLDER / f"{name}.jsonl"
+    def __init__(self, folder: Path | None, name: str = "journal") -> None:
+        self.path = (folder or Path()) / FOLDER / f"{name}.jsonl"
         self.fault = ""
         self._positions: dict[str, LinePosition] = {}
         self._in_memory: dict[str, Mapping[str, Any]] = {}
+        self._open = ExitStack()
+        self._file: FileIO | None = None
+        if folder is not None:
+            self._open_in(folder)
+
+    def _open_in(self, folder: Path) -> None:
+        """Lock the folder, and open the journal behind its last complete line."""
+        from filelock import FileLock, Timeout  # not needed for a single take without an output folder
+
         try:
             self.path.parent.mkdir(exist_ok=True)
-            self._lock = FileLock(self.path.with_suffix(".lock"))
-            self._lock.acquire(timeout=0)
-            self._file = self.path.open("ab", buffering=0)
-            self._reader = self.path.open("rb")
+            self._open.enter_context(FileLock(self.path.with_suffix(".lock")).acquire(timeout=0))
+            self._file = self._open.enter_context(self.path.open("ab", buffering=0))
+            self._reader = self._open.enter_context(self.path.open("rb"))
             self._end = _end_of_complete_lines(self._reader)
             self._file.truncate(self._end)
         except Timeout:
@@ -109,9 +117,7 @@ class Journal:
     def __exit__(
         self, kind: type[BaseException] | None, fault: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
-        self._reader.close()
-        self._lock.release()
+        self._open.close()
 
     def begin(self, output: str) -> None:
         """Record that this run may write an output from now on; a later run may then replace it."""
@@ -122,8 +128,8 @@ class Journal:
 
         key: the hash of everything the output was made of; empty if the take failed.
         """
-        position = self.path, self._end
-        if self._append({"output": output, "key": key, "take": row}):
+        position = self._append({"output": output, "key": key, "take": row})
+        if position is not None:
             self._positions[output] = position
         else:
             self._in_memory[output] = row
@@ -145,8 +151,10 @@ class Journal:
         with path.open("rb") as file:
             return _row(file, offset)
 
-    def _append(self, line: Mapping[str, Any]) -> bool:
-        """Write a line and force it to the disk; return whether that succeeded. A failed write is cut off again."""
+    def _append(self, line: Mapping[str, Any]) -> LinePosition | None:
+        """Write a line and force it to the disk; return its position. A failed write is cut off again, and is None."""
+        if self._file is None:
+            return None
         content = json.dumps(line, separators=(",", ":"), allow_nan=False).encode() + b"\n"
         try:
             written = 0
@@ -157,9 +165,10 @@ class Journal:
             self.fault = f"{self.path}: the journal cannot be written: {error.strerror or error}."
             with suppress(OSError):
                 self._file.truncate(self._end)
-            return False
+            return None
+        position = self.path, self._end
         self._end += len(content)
-        return True
+        return position
 
 
 def _row(file: BinaryIO, offset: int) -> Mapping[str, Any]:

@@ -14,9 +14,13 @@ _ROOT = Path("/")
 
 @dataclass(frozen=True, kw_only=True)
 class WorkerLimits:
-    """Worker processes (0: run in this process), and the seconds and bytes of memory that one take may use."""
+    """Worker processes (0: run in this process), and what one take may use: cores, seconds and bytes of memory.
+
+    A take in a worker process uses one core.
+    """
 
     workers: int = 1
+    cores: int = 1
     timeout: float | None = None
     memory: int | None = None
 

@@ -16,8 +16,9 @@ from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError
 from mocapclean.files import check_output, discard_parts, new_file
 from mocapclean.formats import companion
+from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
-from mocapclean.pipeline.repair import digest, repair
+from mocapclean.pipeline.repair import repair
 from mocapclean.report import record
 from mocapclean.report.text import summary
 
@@ -78,19 +79,21 @@ class Repair:
         for target in job.targets:
             check_output(target, None, settings.overwrite or may_replace)
         if may_replace:
-            settings = settings.model_copy(update={"overwrite": True})
+            settings = settings.but(overwrite=True)
             _discard_parts(job)
         outcome = repair(job.source, job.output, settings, job.sidecar)
         if source_sha256 and outcome.source_sha256 not in ("", source_sha256):
             job.output.unlink(missing_ok=True)
             outcome = failed_outcome(job, "the input changed while it was read. Try again.")
         report = job.report if outcome.status != "failed" else None
-        if report:
-            outcome = self._write_report(report, outcome)
+        row = record.row(outcome)
+        if report and (fault := self._write_report(report, row)):
+            outcome = replace(outcome, error=str(fault), exit_code=fault.exit_code)
+            row = record.row(outcome)
         shown_report = report or (self.settings.report if isinstance(self.settings.report, Path) else None)
         return FinishedTake(
             key=key if outcome.status != "failed" else "",
-            row=record.row(outcome),
+            row=row,
             summary=summary(outcome, verbose=self.settings.verbose, report=shown_report),
         )
 
@@ -115,14 +118,14 @@ class Repair:
             return "", ""
         return source_sha256, sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
-    def _write_report(self, path: Path, outcome: Outcome) -> Outcome:
-        """Write the take's own report; return the outcome, with the error if the report cannot be written."""
+    def _write_report(self, path: Path, row: Mapping[str, Any]) -> MocapcleanError | None:
+        """Write the take's own report; return the error if it cannot be written."""
         try:
             with new_file(path) as part:
-                record.write(part, [record.row(outcome)], self.settings.model_dump(mode="json"))
+                record.write(part, [row], self.settings.as_json())
         except MocapcleanError as error:
-            return replace(outcome, error=str(error), exit_code=error.exit_code)
-        return outcome
+            return error
+        return None
 
 
 def _discard_parts(job: RepairJob) -> None:

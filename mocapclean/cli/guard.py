@@ -10,8 +10,7 @@ from typing import NoReturn, ParamSpec
 
 import click
 
-from mocapclean.errors import ConfigError, MocapcleanError
-from mocapclean.report.text import printable
+from mocapclean.errors import ConfigError, MocapcleanError, printable
 
 P = ParamSpec("P")
 

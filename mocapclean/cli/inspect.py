@@ -1,17 +1,12 @@
 """``mocapclean inspect``: show the content of a take and its gaps; no file is written."""
 
-from pathlib import Path
 from typing import Any
 
 import click
 
-from mocapclean.cli.guard import complain, guarded
-from mocapclean.cli.options import FILE, reading, refuse_folders, resolve_settings
-from mocapclean.errors import MocapcleanError
-from mocapclean.pipeline.outcome import Outcome
-from mocapclean.pipeline.repair import inspect
-from mocapclean.report import record
-from mocapclean.report.text import inspection
+from mocapclean.cli.guard import guarded
+from mocapclean.cli.options import FILE, reading
+from mocapclean.cli.stages import stages_shown
 
 
 @click.command("inspect")
@@ -20,23 +15,9 @@ from mocapclean.report.text import inspection
 @click.option("-v", "--verbose/--no-verbose", default=None, help="Print every gap and finding.")
 @reading
 @guarded
-def command(
-    files: tuple[Path, ...], config: Path | None, assignments: tuple[str, ...], as_json: bool, **options: Any
-) -> int:
+def command(**options: Any) -> int:
     """Show markers, frames, rate, gaps and findings of FILES (.c3d, .bvh, .amc). Writes nothing."""
-    settings = resolve_settings(config, assignments, options)
-    outcomes, code = [], 0
-    for path in refuse_folders(files):
-        try:
-            outcome = inspect(path, settings)
-        except MocapcleanError as error:
-            complain(str(error))
-            code = max(code, error.exit_code)
-            outcome = Outcome(source=path, status="failed", error=str(error), exit_code=error.exit_code)
-        outcomes.append(outcome)
-        if not as_json and outcome.status != "failed":
-            click.echo(inspection(outcome, verbose=settings.verbose))
-    if as_json:
-        for text in record.text(map(record.row, outcomes), settings.model_dump(mode="json")):
-            click.echo(text, nl=False)
-    return code
+    with stages_shown(options):
+        from mocapclean.cli.work import inspect
+
+        return inspect.work(**options)

@@ -1,44 +1,17 @@
 """``mocapclean methods``: every method, its parameters, defaults and reference."""
 
-import inspect
-from dataclasses import fields
+from typing import Any
 
 import click
-from pydantic_core import to_jsonable_python
 
 from mocapclean.cli.guard import guarded
-from mocapclean.config.settings import DEFAULT_METHOD
-from mocapclean.errors import UsageError
-from mocapclean.parameters import about
-from mocapclean.report.text import table
-from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.method import Method
 
 
 @click.command("methods")
 @click.argument("names", nargs=-1)
 @guarded
-def command(names: tuple[str, ...]) -> int:
+def command(**options: Any) -> int:
     """List the methods, or show NAMES in full: model, source, parameters."""
-    for name in names:
-        if name not in SOLVERS:
-            raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {name!r}.")
-    blocks = [_block(name, SOLVERS[name], full=bool(names)) for name in names or SOLVERS]
-    click.echo("\n\n".join(blocks))
-    return 0
+    from mocapclean.cli.work import methods
 
-
-def _block(name: str, module: Method, *, full: bool) -> str:
-    """Return the text on a method: its first line or all of it, its source, and its parameters."""
-    text = inspect.cleandoc(module.__doc__ or "")
-    default = " (default)" if name == DEFAULT_METHOD else ""
-    lines = [
-        f"{name}{default}",
-        *(f"  {line}".rstrip() for line in (text if full else text.splitlines()[0]).splitlines()),
-    ]
-    lines.append(f"  Source: {module.REFERENCE}")
-    rows = [
-        [field.name, str(to_jsonable_python(field.default)), str(about(module.Params, field.name))]
-        for field in fields(module.Params)
-    ]
-    return "\n".join([*lines, *(f"  {line}" for line in table(rows, ["parameter", "default", "meaning"]) if rows)])
+    return methods.work(**options)

@@ -1,15 +1,10 @@
-"""Options that several commands share, and the settings made of them."""
+"""Options that several commands share; declarations alone, which load nothing but click."""
 
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, TypeVar
 
 import click
-
-from mocapclean.config.loading import resolve
-from mocapclean.config.settings import MILLIMETRES, Settings
-from mocapclean.errors import UsageError
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
@@ -41,29 +36,50 @@ def reading(command: Command) -> Command:
     return command
 
 
-def resolve_settings(config: Path | None, assignments: tuple[str, ...], options: dict[str, Any]) -> Settings:
-    """Return the settings of a command, from its configuration file and its options. None: an option not given."""
-    for name in ("markers", "exclude"):
-        options[name] = [part.strip() for value in options[name] for part in value.split(",") if part.strip()] or None
-    for name in ("include_files", "exclude_files"):
-        options[name] = options.get(name) or None
-    for name, number in (("unit", float), ("workers", int)):
-        with suppress(ValueError):
-            options[name] = number(options.get(name) or "")
-    return resolve(config, {key: value for key, value in options.items() if value is not None}, assignments)
+class _Shard(click.ParamType[tuple[int, int]]):
+    """The type of ``--shard``: i/n with 1 <= i <= n."""
+
+    name = "i/n"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> tuple[int, int]:
+        """Return (i, n)."""
+        index, slash, count = str(value).partition("/")
+        if not (slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count)):
+            self.fail(f"a shard must be i/n with 1 <= i <= n, such as 3/20. Got {value!r}.", param, ctx)
+        return int(index), int(count)
 
 
-def millimetres(unit: str) -> float:
-    """Return the millimetres of a unit of length, given by name or as a number; raise UsageError for another text."""
-    try:
-        return MILLIMETRES[unit] if unit in MILLIMETRES else float(unit)
-    except ValueError:
-        raise UsageError(f"--unit must be {', '.join(MILLIMETRES)}, or millimetres per unit. Got {unit!r}.") from None
+_SELECTING = (
+    click.option("--files-from", type=click.File("rb"), help="List of more inputs, one per line; - for stdin."),
+    click.option("-0", "--null", is_flag=True, help="Names in --files-from end with NUL, as from 'find -print0'."),
+    click.option(
+        "--include-files", multiple=True, metavar="GLOB", help="Only files of this name; with / of this path."
+    ),
+    click.option("--exclude-files", multiple=True, metavar="GLOB", help="No files of this name; with / of this path."),
+    click.option("--relative-to", type=FILE, help="Mirror paths below this folder (--files-from: the current one)."),
+    click.option("--shard", type=_Shard(), help="Do only part i of n, for job arrays; no two parts share a take."),
+)
+_WORKING = (
+    click.option(
+        "--workers",
+        metavar="N|auto",
+        help="Takes at the same time, or cores for a single take (default: auto, all cores).",
+    ),
+    click.option("--timeout", type=float, metavar="SECONDS", help="A take that needs longer fails."),
+    click.option("--memory", metavar="SIZE", help="A take that needs more memory fails; such as 2GiB."),
+)
+_CLUSTER = click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster, such as tcp://head:8786.")
 
 
-def refuse_folders(files: tuple[Path, ...]) -> tuple[Path, ...]:
-    """Return the inputs; raise UsageError if one of them is a folder."""
-    for path in files:
-        if path.is_dir():
-            raise UsageError(f"{path}: an input must be a file. Got a folder.")
-    return files
+def batching(command: Command) -> Command:
+    """Add the options that select takes and decide where and how many run at the same time."""
+    for option in reversed((*_SELECTING, *_WORKING, _CLUSTER)):
+        command = option(command)
+    return command
+
+
+def working(command: Command) -> Command:
+    """Add the options that decide how many takes run at the same time, and what each may use."""
+    for option in reversed(_WORKING):
+        command = option(command)
+    return command

@@ -1,26 +1,14 @@
 """``mocapclean train``: learn a dictionary of a body's poses from clean takes."""
 
-from collections.abc import Iterator
-from dataclasses import fields, replace
-from pathlib import Path
+from dataclasses import fields
 from typing import Any
 
 import click
-import numpy as np
-from pydantic import ValidationError
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
-from tqdm import tqdm
 
-from mocapclean import formats
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, millimetres
-from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
-from mocapclean.dictionaries.training import Params, n_steps, train
-from mocapclean.errors import UsageError
-from mocapclean.files import check_output, new_file
+from mocapclean.cli.options import FILE
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.parameters import about
-from mocapclean.take import Take
 
 
 def _training(command: Any) -> Any:
@@ -51,84 +39,11 @@ def _training(command: Any) -> Any:
 @click.option("--overwrite", is_flag=True, help="Replace an existing dictionary.")
 @_training
 @guarded
-def command(
-    inputs: tuple[Path, ...],
-    output: Path,
-    body_parts: Path | None,
-    exclude: tuple[str, ...],
-    skeleton: Path | None,
-    rate: float | None,
-    unit: str,
-    seed: int,
-    overwrite: bool,
-    **options: Any,
-) -> int:
+def command(**options: Any) -> int:
     """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc): FILES, or all takes of a FOLDER.
 
     All takes must show the same body, with the same markers and rate. Only trusted samples are used.
     """
-    try:
-        params = Params(**options)
-    except ValidationError as invalid:
-        fault = invalid.errors()[0]
-        raise UsageError(
-            f"--{str(fault['loc'][0]).replace('_', '-')}: {fault['msg']}. Got {fault['input']!r}."
-        ) from None
-    files = list(_files(inputs))
-    if output.suffix.lower() != ".npz":
-        raise UsageError(f"{output}: the name of a dictionary must end in .npz.")
-    for kept in (*files, skeleton, body_parts):
-        check_output(output, kept, overwrite)
-    takes = [
-        _without(formats.read(f, **_options(f, skeleton, rate, unit)), exclude)
-        for f in tqdm(files, "read", disable=None)
-    ]
-    parts = _read_parts(body_parts) if body_parts else known_parts(takes[0].markers)
-    with tqdm(total=n_steps(parts, params), desc="train", disable=None) as bar:
-        dictionary = train(takes, parts, params, seed, bar.update)
-    with new_file(output) as part:
-        dictionary.save(part)
-    sizes = ", ".join(f"{name} {len(atoms)}" for name, atoms in dictionary.atoms.items())
-    click.echo(
-        f"{output}: {len(takes)} takes, {dictionary.parameters['frames']} frames; atoms: {sizes}; "
-        f"{len(dictionary.poses)} poses"
-    )
-    return 0
+    from mocapclean.cli.work import train
 
-
-def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
-    """Yield the files, and the takes directly in the folders, sorted; raise UsageError for a folder without takes."""
-    suffixes = formats.suffixes()
-    for path in inputs:
-        if not path.is_dir():
-            yield path
-            continue
-        takes = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
-        if not takes:
-            raise UsageError(f"{path}: the folder must hold takes ({', '.join(sorted(suffixes))}). Got none.")
-        yield from takes
-
-
-def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:
-    """Return the options with which a take is read."""
-    return {
-        "skeleton": skeleton if formats.needs_skeleton(path) else None,
-        "rate": rate,
-        "unit": millimetres(unit),
-    }
-
-
-def _without(take: Take, exclude: tuple[str, ...]) -> Take:
-    """Return a take without some markers."""
-    kept = [k for k, name in enumerate(take.markers) if name not in exclude]
-    return replace(take.select(np.array(kept, dtype=np.intp)), origin=take.origin)
-
-
-def _read_parts(path: Path) -> BodyParts:
-    """Return the body parts in a YAML file; raise UsageError if it is unreadable."""
-    try:
-        return from_mapping(YAML(typ="safe", pure=True).load(path.read_text(encoding="utf-8")), str(path))
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}.") from None
-    except (YAMLError, UnicodeDecodeError) as error:
-        raise UsageError(f"{path}: not valid YAML: {str(error).splitlines()[0]}.") from None
+    return train.work(**options)

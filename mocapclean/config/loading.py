@@ -2,19 +2,21 @@
 
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from types import UnionType
+from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
 
-from pydantic import ValidationError
-from pydantic_core import ErrorDetails
-from ruamel.yaml import YAML
-from ruamel.yaml.comments import CommentedMap, CommentedSeq
-from ruamel.yaml.error import YAMLError
-
+from mocapclean.config.sections import Sections
 from mocapclean.config.settings import DEFAULT_METHOD, Settings
 from mocapclean.errors import ConfigError
+from mocapclean.parameters import annotations, checker
 from mocapclean.solvers import SOLVERS
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
+    from pydantic_core import ErrorDetails
 
 _MAX_VALUES = 10_000
 """Most values in a configuration, aliases expanded; chosen by hand, over ten times the number of keys."""
@@ -28,7 +30,11 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
     options: values by key. assignments: "name=value" for a parameter of the chosen method, "a.b=value" for any key.
     Paths in the file are relative to its folder. Raises ConfigError with one line per invalid value.
     """
-    tree = _load(path) if path else CommentedMap()
+    tree: Mapping[str, Any] = {}
+    if path:
+        from mocapclean.config.yaml_files import load_mapping  # the YAML library is not needed without a file
+
+        tree = load_mapping(path)
     try:
         values = _plain(tree, iter(range(_MAX_VALUES)))
     except (StopIteration, RecursionError):
@@ -40,16 +46,36 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
     values.update(options)
     for assignment in assignments:
         _assign(values, assignment)
-    try:
-        # Strict validation from JSON accepts mappings for sections and text for paths, but no text for numbers.
-        settings = Settings.model_validate_json(json.dumps(values, default=str))
-    except ValidationError as invalid:
-        messages = [_message(error, path, tree) for error in _merged(invalid)]
-        raise ConfigError("\n".join(messages)) from None
+    settings = _validated(values, path, tree)
     contradictions = [f"{path or 'command line'}: {message}" for message in _contradictions(settings)]
     if contradictions:
         raise ConfigError("\n".join(contradictions))
     return settings
+
+
+def _validated(values: Mapping[str, Any], path: Path | None, tree: Mapping[str, Any]) -> Settings:
+    """Return settings with these values; raise ConfigError with one line per invalid value."""
+    types = annotations(Settings)
+    if all(name in types and _is_plainly(types[name], value) for name, value in values.items()):
+        return Settings().but(**values)
+    from pydantic import ValidationError  # it takes longer to load than a small take to read
+
+    try:
+        # Strict validation from JSON accepts mappings for sections and text for paths, but no text for numbers.
+        settings: Settings = checker(Settings).validate_json(json.dumps(values, default=str))
+    except ValidationError as invalid:
+        messages = [_message(error, path, tree) for error in _merged(invalid)]
+        raise ConfigError("\n".join(messages)) from None
+    return settings
+
+
+def _is_plainly(annotation: Any, value: Any) -> bool:
+    """Whether a value is a truth value, a path, or one of some words, and is of this type without any check."""
+    if get_origin(annotation) is Literal:
+        return value in get_args(annotation)
+    if get_origin(annotation) in (Union, UnionType):
+        return any(_is_plainly(kind, value) for kind in get_args(annotation))
+    return annotation in (bool, Path) and isinstance(value, annotation)
 
 
 def _contradictions(settings: Settings) -> Iterator[str]:
@@ -76,30 +102,6 @@ def _contradictions(settings: Settings) -> Iterator[str]:
         yield "method auto needs the self-check to compare methods. Set self_check to true or auto. Got false."
 
 
-def _load(path: Path) -> CommentedMap:
-    """Return the content of a YAML file, with line numbers; raise ConfigError if it is no mapping."""
-    try:
-        tree = YAML(typ="rt").load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}.") from None
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}, byte {error.start}: a configuration must be UTF-8 text.") from None
-    except YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
-        problem = getattr(error, "problem", None) or str(error).splitlines()[0]
-        raise ConfigError(f"{path}{line}: not valid YAML: {problem}.") from None
-    except RecursionError:
-        raise ConfigError(f"{path}: not valid YAML: it is nested too deeply.") from None
-    except ValueError as error:
-        raise ConfigError(f"{path}: not valid YAML: {error}.") from None
-    if tree is None:
-        return CommentedMap()
-    if not isinstance(tree, CommentedMap):
-        raise ConfigError(f"{path}, line 1: a configuration must be a mapping of keys to values.")
-    return tree
-
-
 def _plain(node: Any, budget: Iterator[int]) -> Any:
     """Return a YAML node as plain dicts, lists and scalars.
 
@@ -107,9 +109,9 @@ def _plain(node: Any, budget: Iterator[int]) -> Any:
     Raises StopIteration when the budget is used up.
     """
     next(budget)
-    if isinstance(node, CommentedMap):
+    if isinstance(node, Mapping):
         return {str(key): _plain(value, budget) for key, value in node.items()}
-    if isinstance(node, CommentedSeq):
+    if isinstance(node, list):
         return [_plain(item, budget) for item in node]
     for scalar in (bool, int, float, str):  # a bool is an int as well, so it comes first
         if isinstance(node, scalar):
@@ -122,20 +124,18 @@ def _assign(values: dict[str, Any], assignment: str) -> None:
     name, equals, text = assignment.partition("=")
     if not equals or not name:
         raise ConfigError(f"--set must be name=value. Got {assignment!r}.")
-    try:
-        value = YAML(typ="safe", pure=True).load(text) if text else ""
-    except (YAMLError, ValueError, RecursionError):
-        value = text
+    from mocapclean.config.yaml_files import scalar  # the YAML library is not needed without an assignment
+
     keys = name.split(".") if "." in name else ["methods", str(values.get("method", DEFAULT_METHOD)), name]
     section = values
     for key in keys[:-1]:
         section = section.setdefault(key, {})
         if not isinstance(section, dict):
             raise ConfigError(f"--set {assignment}: {key!r} is a value, not a section.")
-    section[keys[-1]] = value
+    section[keys[-1]] = scalar(text)
 
 
-def _merged(invalid: ValidationError) -> Iterable[ErrorDetails]:
+def _merged(invalid: "ValidationError") -> "Iterable[ErrorDetails]":
     """Return one error per key.
 
     For a value of several possible types, validation reports one error per type; their messages are joined by "or".
@@ -154,21 +154,30 @@ def _keys(location: tuple[int | str, ...]) -> Iterator[str]:
     """Yield the part of an error's location that consists of keys of the settings."""
     section: Any = Settings
     for key in location:
-        fields = _fields(section)
-        if fields is None and isinstance(key, str):
+        names = _names(section)
+        if names is None and isinstance(key, str):
             return  # the name of one of several possible types
         yield str(key)
-        if not fields or str(key) not in fields:
+        if names is None or key not in names:
             return
-        section = fields[str(key)].annotation
+        section = _inside(section, str(key))
 
 
-def _fields(section: Any) -> Mapping[str, Any] | None:
-    """Return the fields of a section by key; None for the type of a value."""
-    return getattr(section, "model_fields", None) or getattr(section, "__pydantic_fields__", None)
+def _names(section: Any) -> Sequence[str] | None:
+    """Return the keys of a section; None for the type of a value."""
+    if not isinstance(section, type):
+        return None
+    if issubclass(section, Sections):
+        return list(section.modules)
+    return list(annotations(section)) if is_dataclass(section) else None
 
 
-def _message(error: ErrorDetails, path: Path | None, tree: CommentedMap) -> str:
+def _inside(section: type, key: str) -> Any:
+    """Return the section, or the type of the value, under a key of a section."""
+    return section.modules[key].Params if issubclass(section, Sections) else annotations(section)[key]
+
+
+def _message(error: "ErrorDetails", path: Path | None, tree: Mapping[str, Any]) -> str:
     """Return one line for the user: where the value stands, what it must be and what it is."""
     keys = list(_keys(error["loc"]))
     line = _line(tree, keys)
@@ -177,8 +186,8 @@ def _message(error: ErrorDetails, path: Path | None, tree: CommentedMap) -> str:
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         section: Any = Settings
         for key in keys[:-1]:
-            section = (_fields(section) or {})[key].annotation
-        allowed = sorted(_fields(section) or ())
+            section = _inside(section, key)
+        allowed = sorted(_names(section) or ())
         similar = get_close_matches(keys[-1], allowed, n=1)
         hint = f" Did you mean {similar[0]!r}?" if similar else ""
         return f"{source}: unknown key {name!r}.{hint} Allowed: {', '.join(allowed) or 'none'}."
@@ -190,8 +199,8 @@ def _line(tree: Any, keys: Sequence[str]) -> int | None:
     """Return the line, from 1, of the value under these keys; None if the file does not set it."""
     line = None
     for key in keys:
-        if not isinstance(tree, CommentedMap) or key not in tree:
-            return line if line and not isinstance(tree, CommentedMap) else None
-        line = tree.lc.key(key)[0] + 1
+        if not isinstance(tree, Mapping) or key not in tree:
+            return line if line and not isinstance(tree, Mapping) else None
+        line = tree.lc.key(key)[0] + 1  # type: ignore[attr-defined]
         tree = tree[key]
     return line

@@ -20,37 +20,27 @@ from typing import Any
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import with_one_boundary
 from mocapclean.detection.levels import REPLACE, Found, levelled
-from mocapclean.detection.rules import (
-    bone,
-    drift,
-    flicker,
-    frozen,
-    jump,
-    missing,
-    outlier,
-    predict,
-    spike,
-    swap,
-    tdd,
-    units,
-)
 from mocapclean.errors import UsageError
+from mocapclean.registry import Modules
 from mocapclean.take import Finding, Take
 
-RULES: dict[str, ModuleType] = {
-    "missing": missing,
-    "units": units,
-    "swap": swap,
-    "frozen": frozen,
-    "drift": drift,
-    "flicker": flicker,
-    "spike": spike,
-    "jump": jump,
-    "bone": bone,
-    "predict": predict,
-    "tdd": tdd,
-    "outlier": outlier,
-}
+RULES: Modules[ModuleType] = Modules(
+    f"{__name__}.rules",
+    (
+        "missing",
+        "units",
+        "swap",
+        "frozen",
+        "drift",
+        "flicker",
+        "spike",
+        "jump",
+        "bone",
+        "predict",
+        "tdd",
+        "outlier",
+    ),
+)
 
 
 def detect(
@@ -67,7 +57,7 @@ def detect(
         raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
     params = with_one_boundary(_enabled(rules))
     if fix_swaps and "swap" in params:
-        take = swap.undo(Evidence(take), params.pop("swap"))
+        take = RULES["swap"].undo(Evidence(take), params.pop("swap"))
     # Within the rules every doubt counts, so that those that look after the others find what they leave.
     evidence, found = Evidence(take), list[Found]()
     for last in (False, True):

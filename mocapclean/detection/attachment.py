@@ -13,6 +13,7 @@ from mocapclean.detection.steps import SLIDE_SECONDS
 from mocapclean.detection.stillness import resting, still_samples
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics import interpolation
+from mocapclean.numerics.robust import median
 
 # Chosen by hand on takes of `bench trust`; no half was kept apart, and no sweep. Markers of a body have
 # ratios of 0.0 to 0.6 there, still markers and computed points of 0.8 and more.
@@ -88,5 +89,5 @@ def _is_attached(path: Floats, residual: Floats, block: Ints, rate: float) -> bo
     change = path[end] - path[start]
     moved_on = (path[start] - path[start - before]) * (length / before)
     guessed = np.minimum(np.linalg.norm(change, axis=1), np.linalg.norm(change - moved_on, axis=1))
-    by_median = np.median(error) < np.median(guessed)
+    by_median = median(error) < median(guessed)
     return bool(by_median or error.mean() < _CLEARLY * guessed.mean())

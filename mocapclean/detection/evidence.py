@@ -11,6 +11,7 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.analysis import PathAnalysis, analyse
 from mocapclean.detection.exchanges import Exchange, exchange, exchanges
 from mocapclean.geometry.distances import Rigidity, rigidity
+from mocapclean.numerics.robust import median, nan_median
 from mocapclean.take import Take
 
 FARTHEST = 5e4  # mm: ten times the farthest coordinate from the median of its take in the captures, 5.2 m
@@ -64,6 +65,6 @@ def _in_volume(positions: Floats, trusted: Bools) -> Bools:
     """Return the trusted (F, M) samples of positions (F, M, 3) that lie in a capture volume."""
     if not trusted.any():
         return trusted
-    distance = np.abs(positions - np.median(positions[trusted], axis=0)).max(axis=2)
-    farthest = max(FARTHEST, _FARTHEST_SHARE * float(np.median(distance[trusted])))
+    distance = np.abs(positions - nan_median(positions[trusted])).max(axis=2)
+    farthest = max(FARTHEST, _FARTHEST_SHARE * median(distance[trusted]))
     return np.asarray(trusted & (distance <= farthest))

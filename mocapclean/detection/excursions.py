@@ -1,7 +1,6 @@
 """Shared code of the rules spike and jump: runs of samples off the path, called excursions, split by length."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +9,7 @@ from mocapclean.arrays import column_runs
 from mocapclean.detection.breaks import LEAST_BREAK
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, duration, findings
+from mocapclean.parameters import but
 
 LEAST_EXCURSION = LEAST_BREAK  # mm off the path: no threshold is lower, so that a lower limit would change nothing
 LONGEST_SPIKE = 3  # frames, chosen by hand
@@ -56,9 +56,9 @@ def with_one_boundary(params: Mapping[str, Any]) -> dict[str, Any]:
     if "spike" not in shared or "jump" not in shared:
         return shared
     boundary = first_jump(shared["spike"].longest, shared["jump"].shortest)
-    shared["jump"] = replace(shared["jump"], shortest=boundary)
+    shared["jump"] = but(shared["jump"], shortest=boundary)
     if boundary > 1:
-        shared["spike"] = replace(shared["spike"], longest=boundary - 1)
+        shared["spike"] = but(shared["spike"], longest=boundary - 1)
     else:
         del shared["spike"]
     return shared

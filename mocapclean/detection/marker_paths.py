@@ -6,7 +6,7 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.breaks import break_thresholds, bursts, innovations
@@ -15,7 +15,7 @@ from mocapclean.detection.prediction import Prediction, predict
 from mocapclean.detection.rigid_pairs import RigidPairs
 from mocapclean.detection.steps import SLIDE_SECONDS, SNAP, Step, is_certain, same_time
 from mocapclean.geometry.distances import Rigidity
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import median, nan_median
 
 CLOSEST_PARTNERS = 5  # partners whose distances and faults count for a step
 _LINK_SECONDS = 1.25  # s, cost of a link of a path that nothing explains
@@ -103,7 +103,7 @@ class MarkerPaths:
             start = low + int(np.argmax(rises))
             step = replace(step, start=start, sudden=bool(self.breaks[start, step.marker]))
         closest = self.body.rigid.partners(step.marker)[0][:CLOSEST_PARTNERS]
-        are_rigid = np.median(self.body.rigid.spread[step.marker, closest]) <= _RIGID_SD
+        are_rigid = median(self.body.rigid.spread[step.marker, closest]) <= _RIGID_SD
         return replace(
             step,
             changed_pairs=len(self.body.pairs.changed(step.marker, step.start)),
@@ -182,7 +182,14 @@ class MarkerPaths:
 
 def _guide(filled: Floats, prediction: Prediction) -> Floats:
     """Return positions (F, M, 3) that accelerate as the markers do: the predicted ones, or else smoothed paths."""
-    guide, alone = prediction.positions.copy(), ~prediction.predicted
-    if alone.any():
-        guide[:, alone] = median_filter(filled[:, alone], size=(_SMOOTHED, 1, 1), mode="nearest")
+    guide = prediction.positions.copy()
+    for marker in np.flatnonzero(~prediction.predicted):
+        guide[:, marker] = _running_median(filled[:, marker])
     return guide
+
+
+def _running_median(path: Floats) -> Floats:
+    """Return the median over time of each coordinate of a path (F, 3); the ends are repeated."""
+    half = _SMOOTHED // 2
+    windows = sliding_window_view(np.pad(path, ((half, half), (0, 0)), mode="edge"), _SMOOTHED, axis=0)
+    return np.partition(windows, half, axis=2)[..., half]

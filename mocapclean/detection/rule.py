@@ -4,11 +4,9 @@ from collections.abc import Callable, Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, column_runs
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
 LONGEST_REPLACED = 0.25  # s, longest excursion that is distrusted where the path encloses it
@@ -20,7 +18,7 @@ Level = Literal["always", "enclosed", "never"]
 """Which findings of a rule distrust their samples; the others are suspicions."""
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Switch:
     """The parameters of every rule that can be switched off."""
 

@@ -9,7 +9,7 @@ Shapes: b markers, T rows, n inputs, k candidates.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from numpy.fft import irfft, rfft
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.robust_ridge import NOISE_FLOOR, Rows, centre, gcv_penalties, ridge_slopes
@@ -183,9 +183,16 @@ def _correlation_times(noise: Floats, n_rows: Ints) -> Floats:
     """
     longest = np.minimum(_LONGEST_LAG, n_rows // 4)
     # Autocorrelation by the Wiener-Khinchin theorem, padded so that it does not wrap around.
-    size = next_fast_len(noise.shape[1] + _LONGEST_LAG, real=True)
+    size = _fast_length(noise.shape[1] + _LONGEST_LAG)
     power = (np.abs(rfft(noise, size, axis=1)) ** 2).sum(axis=2)
     covariance = irfft(power, size, axis=1)[:, :_LONGEST_LAG]
     correlation = covariance[:, 1:] / np.maximum(covariance[:, :1], np.finfo(float).tiny)
     counts = (correlation >= _LEAST_CORRELATION) & (np.arange(1, _LONGEST_LAG) < longest[:, None])
     return np.asarray(1.0 + 2.0 * (correlation * np.logical_and.accumulate(counts, axis=1)).sum(axis=1))
+
+
+def _fast_length(least: int) -> int:
+    """Return the smallest number from ``least`` on without a prime factor above 5, for which the FFT is fast."""
+    odd: list[int] = [3**i * 5**j for i in range(least.bit_length()) for j in range(least.bit_length())]
+    # f 2ᵉ with the smallest e for which it is large enough: e = ⌈log₂⌈least / f⌉⌉
+    return min(f << (-(-least // f) - 1).bit_length() for f in odd)

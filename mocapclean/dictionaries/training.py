@@ -8,54 +8,27 @@ For each part the windows of L frames, in the frame that moves with the body, ar
    the paper's ℓ1 codes and their parameter.
 3. Atoms get the mean length and sign of their use, because local coding depends on the distances of atoms.
 
-Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016, prints L, K and λ alone; the other numbers are of
-benchmarks/llc_sweep.csv.
+The numbers are those of ``training_parameters``.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.dictionaries.body_parts import PARTS, BodyParts, distinct_bare_names
 from mocapclean.dictionaries.dictionary import RATE_TOLERANCE, Dictionary, body_frames
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.errors import UsageError
 from mocapclean.numerics import interpolation, windows
 from mocapclean.numerics.coding.dictionary_learning import ksvd, learn_with_hidden_entries, scaled_to_use
-from mocapclean.parameters import STRICT, About
 from mocapclean.take import Take
 
 # Fewest training windows for each atom; chosen by hand, so that no atom repeats a single window.
 _SIGNALS_PER_ATOM = 4
 # Sets of hidden markers in one missing-aware pass; chosen by hand for speed, each set has its own pursuit.
 _HIDDEN_SETS = 8
-
-
-@dataclass(frozen=True, kw_only=True, config=STRICT)
-class Params:
-    """How much is learnt and from how much."""
-
-    window: Annotated[int, Field(ge=1), About(symbol="L", unit="frames", text="length of an atom")] = 30
-    atoms: Annotated[
-        int, Field(ge=1), About(symbol="K", text="most atoms of a part; one for 4 training windows at most")
-    ] = 1024
-    sparsity: Annotated[int, Field(ge=1), About(symbol="t", text="atoms that code a window in training")] = 4
-    sweeps: Annotated[int, Field(ge=1), About(symbol="n", text="passes of K-SVD")] = 8
-    windows: Annotated[int, Field(ge=1), About(symbol="N", text="most training windows of a part, drawn at random")] = (
-        8192
-    )
-    hole_passes: Annotated[int, Field(ge=0), About(symbol="p", text="missing-aware passes after K-SVD")] = 2
-    hole_share: Annotated[
-        float, Field(ge=0, lt=1), About(symbol="h", text="share of a part's markers hidden in them")
-    ] = 0.3
-    hole_weight: Annotated[float, Field(ge=0), About(symbol="κ", text="weight of what is hidden")] = 0.1
-    poses: Annotated[int, Field(ge=1), About(symbol="P", text="most training poses that are kept, drawn at random")] = (
-        2000
-    )
 
 
 def n_steps(parts: BodyParts, params: Params) -> int:

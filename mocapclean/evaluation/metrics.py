@@ -111,4 +111,4 @@ def by_length(lengths: Sequence[int], limits: Sequence[int] = LENGTH_CLASSES) ->
     lows = [1, *(limit + 1 for limit in limits)]
     names = [*(f"{low}-{high}" for low, high in zip(lows, limits, strict=False)), f"over {limits[-1]}"]
     classes = np.searchsorted(limits, lengths)
-    return [(names[k], np.flatnonzero(classes == k)) for k in np.unique(classes)]
+    return [(names[k], np.flatnonzero(classes == k)) for k in sorted(set(classes.tolist()))]

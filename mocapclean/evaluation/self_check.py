@@ -9,20 +9,17 @@ the same take always has the same result.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass as plain_dataclass
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import Error
 from mocapclean.geometry.distances import exact_pairs, mean_distances
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.take import Solution, Take
 
 Gaps = NDArray[np.intp]
@@ -38,7 +35,7 @@ DISTANCE_FRAMES = 600  # most frames from which the SD of a distance is computed
 GOLDEN_RATIO = (5**0.5 - 1) / 2
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """How much is hidden: as many samples as are really lost, within limits."""
 
@@ -56,7 +53,7 @@ class Params:
     ] = 40
 
 
-@plain_dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class HiddenGaps:
     """The result of a method on hidden gaps.
 
@@ -76,7 +73,7 @@ class HiddenGaps:
     factor: float = 1.0
 
 
-@plain_dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class SelfCheck:
     """The errors of a method on hidden samples of a take: in total, and by length of gap.
 

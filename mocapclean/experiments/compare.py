@@ -12,6 +12,7 @@ import numpy as np
 from mocapclean.arrays import Bools, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.evaluation import metrics
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
 from mocapclean.simulate import occlude
@@ -126,3 +127,13 @@ def figures(results: Results) -> list[Figure]:
             )
         )
     return [Figure(name="compare_lengths", title="Error of hidden samples by length of gap", panels=tuple(panels))]
+
+
+EXPERIMENT = Experiment(
+    reference="natural-looking gaps, mocapclean.simulate.occlude",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+)

@@ -22,6 +22,7 @@ from mocapclean.config.settings import DEFAULT_METHOD, Grades
 from mocapclean.detection import RULES, detect
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.hidden_gaps import GAPS
 from mocapclean.experiments.markers import HARM, halves
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, number
@@ -422,3 +423,14 @@ def figures(results: Results) -> list[Figure]:
             curves.append(Curve(label=kind, x=harm, y=(np.arange(harm.size) + 1.0) / max(harm.size, 1)))
         panels.append(Panel(title=f"{n} frames at 120 Hz", x_label="harm, mm", y_label="share", curves=tuple(curves)))
     return [Figure(name="harm_gaps", title="Cumulative share of filled gaps over their harm", panels=tuple(panels))]
+
+
+EXPERIMENT = Experiment(
+    reference="right samples in unusual situations, mocapclean.simulate.vary, and hidden gaps",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+    notes=notes,
+)

@@ -15,6 +15,7 @@ import numpy as np
 
 from mocapclean.arrays import Floats
 from mocapclean.experiments import losses
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.published import published
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number, with_printed
 from mocapclean.experiments.trials import (
@@ -281,3 +282,15 @@ def _ends(values: list[float]) -> tuple[float, float]:
     """Return the left and right edge of a picture whose columns are centred at evenly spaced values."""
     half = (values[-1] - values[0]) / max(2 * (len(values) - 1), 1) or 0.5 * values[0]
     return values[0] - half, values[-1] + half
+
+
+EXPERIMENT = Experiment(
+    reference="W. Hu, Z. Wang, S. Liu, X. Yang, G. Yu, J. J. Zhang, 2017, IEEE Signal Process. Lett.",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+    sequences=("05_13", "12_02", "49_02", "13_13", "10_01", "13_17"),
+    needs_captures=False,
+)

@@ -11,6 +11,7 @@ import numpy as np
 
 from mocapclean.arrays import Floats
 from mocapclean.experiments import losses
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table
 from mocapclean.experiments.trials import Capture, Entry, Loss, Request, Trial, TrialResult, grid, rms, solve
 from mocapclean.numerics.low_rank.differences import difference
@@ -107,3 +108,14 @@ def _spectra(results: Results) -> Panel:
 
 def _curve(label: str, values: Floats, *, dashed: bool = False) -> Curve:
     return Curve(label=label, x=np.arange(1.0, len(values) + 1.0), y=values, dashed=dashed)
+
+
+EXPERIMENT = Experiment(
+    reference="R. Imamura, M. Okuda, 2018",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+    sequences=("13_13", "10_01", "13_17"),
+)

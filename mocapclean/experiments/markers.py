@@ -22,6 +22,7 @@ from mocapclean.config.settings import DEFAULT_METHOD, Grades
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import GRADES
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
 from mocapclean.simulate import single_gaps
@@ -426,3 +427,14 @@ def figures(results: Results) -> list[Figure]:
             Panel(title=pattern, x_label="RMSE, mm", y_label="share of cases", curves=tuple(curves), log_x=True)
         )
     return [Figure(name="markers_errors", title="Cumulative share of cases over their error", panels=tuple(panels))]
+
+
+EXPERIMENT = Experiment(
+    reference="gaps of known size in real labelled markers, mocapclean.simulate.single_gaps",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+    notes=notes,
+)

@@ -18,6 +18,7 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.errors import SolverError
 from mocapclean.evaluation import metrics
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.published import published
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number, with_printed
 from mocapclean.experiments.trials import CMU_UNIT, Capture, Entry, Loss, Request, Trial, TrialResult, grid, rms, solve
@@ -290,3 +291,13 @@ def _over_time(results: Results, take: str) -> list[Figure]:
         ),
         Figure(name=f"tan2015_{take}_time", title=f"{take}: {loss}", panels=tuple(panels)),
     ]
+
+
+EXPERIMENT = Experiment(
+    reference="C.-H. Tan, J. Hou, L.-P. Chau, 2015, doi:10.1007/s00371-014-1031-5",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    sequences=("14_01", "85_02", "143_04", "49_02", "135_02", "135_11", "61_05", "88_04"),
+)

@@ -21,6 +21,7 @@ from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.detection import RULES, detect
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rules import swap
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, rms, solve
 from mocapclean.numerics.robust import nan_median
@@ -295,3 +296,13 @@ def figures(results: Results) -> list[Figure]:
             curves.append(Curve(label=label, x=[x for x, _ in points], y=[y for _, y in points]))
         panels.append(Panel(title=kind, x_label="size", y_label="share found", curves=tuple(curves), log_x=True))
     return [Figure(name="trust_found", title="Events found by size", panels=tuple(panels))]
+
+
+EXPERIMENT = Experiment(
+    reference="faults of known place, kind and size, mocapclean.simulate.inject",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+)

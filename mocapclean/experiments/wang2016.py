@@ -24,8 +24,10 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats
 from mocapclean.dictionaries.body_parts import known_parts
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.dictionaries.training import Params, train
+from mocapclean.dictionaries.training import train
+from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.errors import UsageError
+from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.losses import curves
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.experiments.trials import LEARNERS, Capture, Entry, Loss, Request, Trial, TrialResult, grid, solve
@@ -265,3 +267,14 @@ def figures(results: Results) -> list[Figure]:
         )
         made.append(Figure(name=f"wang2016_{take}", title=f"{take}: error of the missing markers", panels=panels))
     return made
+
+
+EXPERIMENT = Experiment(
+    reference="Z. Wang, Y. Feng, S. Liu, J. Xiao, X. Yang, J. J. Zhang, 2016",
+    measures=MEASURES,
+    trials=trials,
+    tables=tables,
+    figures=figures,
+    quick_frames=QUICK_FRAMES,
+    notes=notes,
+)

@@ -1,23 +1,24 @@
 """Capture files: one module per format, one literal registry, one function to read and one to write.
 
-A module of ``FORMATS`` keeps the contract of ``formats.contract``: a declaration of facts, and the functions ``sniff``,
-``read``, ``write``, ``prove`` and ``create``. Whoever needs a fact about a format asks its declaration.
+A format is a module here and an entry in ``DECLARATIONS``, its facts. The module keeps the contract of
+``formats.contract``: the functions ``sniff``, ``read``, ``write``, ``prove`` and ``create``. It is imported when a file
+of the format comes up.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.files import check_output, new_file
-from mocapclean.formats import amc, asf, bvh, c3d
 from mocapclean.formats.contract import Declaration, Format
-from mocapclean.formats.fitting import fit_poses
+from mocapclean.formats.declarations import ASF_SUFFIX, DECLARATIONS
 from mocapclean.formats.skeleton_files import find_skeleton, new_skeleton_path
 from mocapclean.geometry.skeleton import Skeleton
+from mocapclean.registry import Modules
 from mocapclean.take import ReadOptions, Take
 
-FORMATS: dict[str, Format] = {"c3d": c3d, "bvh": bvh, "amc": amc}
+FORMATS: Modules[Format] = Modules(__name__, DECLARATIONS)
 
 SNIFFED_BYTES = 512
 """Bytes of a file that ``sniff`` is given: one block of a C3D file."""
@@ -25,17 +26,17 @@ SNIFFED_BYTES = 512
 
 def suffixes() -> tuple[str, ...]:
     """Return the lower-case suffixes of all formats."""
-    return tuple(suffix for module in FORMATS.values() for suffix in module.DECLARATION.suffixes)
+    return tuple(suffix for facts in DECLARATIONS.values() for suffix in facts.suffixes)
 
 
 def format_of(path: Path) -> str:
     """Return the name of the format that a path's suffix stands for; raise FormatError for any other suffix."""
     suffix = path.suffix.lower()
-    for name, module in FORMATS.items():
-        if suffix in module.DECLARATION.suffixes:
+    for name, facts in DECLARATIONS.items():
+        if suffix in facts.suffixes:
             return name
-        if suffix == module.DECLARATION.skeleton_suffix:
-            take = module.DECLARATION.suffixes[0]
+        if suffix == facts.skeleton_suffix:
+            take = facts.suffixes[0]
             raise FormatError(
                 path, f"an {suffix} file is a skeleton, not a take. Give the {take} file that goes with it."
             )
@@ -45,7 +46,7 @@ def format_of(path: Path) -> str:
 
 def declaration(path: Path) -> Declaration:
     """Return the declaration of the format of a path; raise FormatError for a suffix of no format."""
-    return FORMATS[format_of(path)].DECLARATION
+    return DECLARATIONS[format_of(path)]
 
 
 def needs_skeleton(path: Path) -> bool:
@@ -96,27 +97,37 @@ def read(
 
 def carried(take: Take) -> tuple[str, ...]:
     """Return the names of the points of a take's file that are no markers of it and are carried along untouched."""
-    document = take.origin.document if take.origin else None
-    return document.carried if isinstance(document, c3d.C3dDocument) else ()
+    if take.origin is None or not DECLARATIONS[take.origin.format].lists_points:
+        return ()
+    names: tuple[str, ...] = take.origin.document.carried
+    return names
 
 
 def outdated(take: Take) -> tuple[str, ...]:
     """Return those of the carried points that may have been computed from a marker that is changed in the take."""
+    if not carried(take):
+        return ()
+    from mocapclean.formats import c3d  # it has read the take already
+
     return c3d.outdated(take)
 
 
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
     """Return the joints and bones of an .asf or a .bvh file; unit: millimetres per unit of length, for BVH."""
-    readers: dict[str, Callable[[], Skeleton]] = {
-        asf.SUFFIX: lambda: asf.read_skeleton(path),
-        **dict.fromkeys(bvh.DECLARATION.suffixes, lambda: bvh.read_skeleton(path, unit)),
-    }
-    if path.suffix.lower() not in readers:
-        raise UsageError(f"{path}: a skeleton must be an .asf or a .bvh file.")
+    suffix = path.suffix.lower()
     try:
-        return readers[path.suffix.lower()]()
+        # Imported where they are read: few takes come with a skeleton of another format.
+        if suffix == ASF_SUFFIX:
+            from mocapclean.formats import asf
+
+            return asf.read_skeleton(path)
+        if suffix in DECLARATIONS["bvh"].suffixes:
+            from mocapclean.formats import bvh
+
+            return bvh.read_skeleton(path, unit)
     except OSError as fault:
         raise FormatError(path, f"cannot be read: {fault.strerror or fault}.") from None
+    raise UsageError(f"{path}: a skeleton must be an .asf or a .bvh file.")
 
 
 def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: bool = False) -> Take:
@@ -132,35 +143,40 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
     path = Path(path)
     name = format_of(path)
     check_output(path, take.origin.path if take.origin else None, overwrite)
-    module = FORMATS[name]
     if take.origin and take.origin.format == name:
-        return _write_copy(module, take, path, invalidate)
-    return _write_new(module, take, path, overwrite)
+        return _write_copy(name, take, path, invalidate)
+    return _write_new(name, take, path, overwrite)
 
 
-def _write_copy(module: Format, take: Take, path: Path, invalidate: bool) -> Take:
+def _write_copy(name: str, take: Take, path: Path, invalidate: bool) -> Take:
     """Fit, write and prove a copy of the take's own file."""
+    module = FORMATS[name]
     assert take.origin is not None
     with new_file(path) as part:
-        if module.DECLARATION.stores == "poses":
+        if DECLARATIONS[name].stores == "poses":
+            from mocapclean.formats.fitting import fit_poses  # inverse kinematics, for poses alone
+
             take = fit_poses(take, take.origin.document.spelled)
         written = module.write(take, part, invalidate=invalidate)
         module.prove(written, part)
         return written
 
 
-def _write_new(module: Format, take: Take, path: Path, overwrite: bool) -> Take:
+def _write_new(name: str, take: Take, path: Path, overwrite: bool) -> Take:
     """Fit, and create a new file, with a new skeleton file where the format needs one."""
+    facts = DECLARATIONS[name]
     with ExitStack() as stack:
         part = stack.enter_context(new_file(path))
         try:
-            if module.DECLARATION.stores == "poses":
+            if facts.stores == "poses":
+                from mocapclean.formats.fitting import fit_poses  # inverse kinematics, for poses alone
+
                 take = fit_poses(take)
-            module.create(take, part)
+            FORMATS[name].create(take, part)
         except UsageError as unfit:
             raise UsageError(f"{path}: {unfit}") from None
-        if module.DECLARATION.skeleton_suffix:
-            _create_skeleton(take, new_skeleton_path(path, module.DECLARATION.skeleton_suffix), overwrite, stack)
+        if facts.skeleton_suffix:
+            _create_skeleton(take, new_skeleton_path(path, facts.skeleton_suffix), overwrite, stack)
         return take
 
 
@@ -169,6 +185,8 @@ def _create_skeleton(take: Take, path: Path, overwrite: bool, stack: ExitStack) 
 
     ``stack`` gives it its name just before the take gets its own. Raises UsageError if another content is there.
     """
+    from mocapclean.formats import asf  # only new AMC files come with a skeleton file
+
     assert take.skeleton is not None
     content = asf.text(take.skeleton).encode()
     if path.is_file() and path.read_bytes() == content:

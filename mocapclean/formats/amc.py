@@ -17,7 +17,7 @@ from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import asf as skeletons
 from mocapclean.formats import poses as kept
 from mocapclean.formats.asf import Asf, columns
-from mocapclean.formats.contract import Declaration
+from mocapclean.formats.declarations import AMC_RATE, ASF_SUFFIX
 from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.skeleton_files import find_skeleton
@@ -26,21 +26,10 @@ from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 from mocapclean.take.posed import posed_take
 
-RATE = 120.0
-"""Hz: the rate of the CMU motion capture database (mocap.cs.cmu.edu), from which most AMC files come."""
 MOST_DIGITS = 9
 """Digits of a frame number that is read; Python refuses to convert very long ones, and no take has more frames."""
 CREATED_DECIMALS = 6
 """Decimals of a created file's numbers, degrees and ASF units. Chosen by hand, as the BVH files have them."""
-
-DECLARATION = Declaration(
-    suffixes=(".amc",),
-    columns="joints",
-    stores="poses",
-    marks_missing=False,
-    skeleton_suffix=skeletons.SUFFIX,
-    default_rate=RATE,
-)
 
 Ints = NDArray[np.int64]
 Words = list[bytes]
@@ -69,11 +58,11 @@ def read(path: Path, options: ReadOptions) -> Take:
     skeleton is found.
     """
     raw = load(path)
-    if path.suffix.lower() == skeletons.SUFFIX or skeletons.is_skeleton_text(raw):
+    if path.suffix.lower() == ASF_SUFFIX or skeletons.is_skeleton_text(raw):
         raise FormatError(path, "the file must be a take. Got a skeleton (.asf); give the .amc that moves it.")
-    asf_path = options.skeleton or find_skeleton(path, skeletons.SUFFIX)
+    asf_path = options.skeleton or find_skeleton(path, ASF_SUFFIX)
     document = _parse(path, raw, skeletons.parse(asf_path, load(asf_path)), asf_path.name)
-    rate = RATE if options.rate is None else positive(options.rate, "the rate")
+    rate = AMC_RATE if options.rate is None else positive(options.rate, "the rate")
     return posed_take(
         document.skeleton,
         document.poses,

@@ -15,14 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
+import scipy
 
 from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.text import blank, decode, finite, load, quote
 from mocapclean.geometry.skeleton import Channel, Skeleton, turn
 
-SUFFIX = ".asf"
 ROOT = "root"
 """The name of the root in every ASF and AMC file."""
 INCH = 25.4
@@ -151,7 +150,7 @@ def _spell(values: Floats) -> str:
 
 def _axis_angles(skeleton: Skeleton, joint: int) -> str:
     """Return the angles of a joint's C about the fixed axes x, y and z, in degrees."""
-    return _spell(Rotation.from_matrix(skeleton.frames[joint]).as_euler("xyz", degrees=True))
+    return _spell(scipy.spatial.transform.Rotation.from_matrix(skeleton.frames[joint]).as_euler("xyz", degrees=True))
 
 
 def _sections(path: Path, raw: bytes) -> dict[bytes, list[Line]]:

@@ -17,7 +17,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import poses as kept
-from mocapclean.formats.contract import Declaration
+from mocapclean.formats.declarations import CENTIMETRE
 from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.text import (
@@ -35,14 +35,8 @@ from mocapclean.geometry.skeleton import Channel, Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 from mocapclean.take.posed import posed_take
 
-CENTIMETRE = 10.0
-"""Millimetres: the unit of length of most BVH files, and of those that are created here."""
 CREATED_DECIMALS = 6
 """Decimals of a created file's numbers, degrees and centimetres. As BVH exporters write them; chosen by hand."""
-
-DECLARATION = Declaration(
-    suffixes=(".bvh",), columns="joints", stores="poses", marks_missing=False, default_unit=CENTIMETRE
-)
 
 STATEMENT = re.compile(rb"(?P<word>[{}]|[^\s{}]+)(?P<rest>[^\r\n{}]*)")
 MOTION = re.compile(rb"(?:^|[\r\n])[ \t]*MOTION[ \t]*(?=[\r\n]|$)", re.IGNORECASE)

@@ -47,8 +47,6 @@ class Format(Protocol):
     the file will hold, rounded as the file spells numbers.
     """
 
-    DECLARATION: Declaration
-
     def sniff(self, head: bytes) -> bool:
         """Whether the first 512 bytes of a file can begin a file of this format."""
 

@@ -1,7 +1,6 @@
 """Interpolation of each coordinate over time, from trusted samples alone."""
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
 
 from mocapclean.arrays import Bools, Floats
 
@@ -28,6 +27,8 @@ def monotone(positions: Floats, trusted: Bools) -> Floats:
     F. N. Fritsch, J. Butland, 1984, doi:10.1137/0905021. Samples before the first and after the last trusted one
     become 0, and so do markers with fewer than two trusted samples. Untrusted samples are not read.
     """
+    from scipy.interpolate import PchipInterpolator  # few methods need it, and it is long to load
+
     filled = np.where(trusted[..., None], positions, 0.0)
     frames = np.arange(len(filled))
     for marker in np.flatnonzero((trusted.sum(axis=0) > 1) & ~trusted.all(axis=0)):

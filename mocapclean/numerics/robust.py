@@ -27,3 +27,28 @@ def nan_quantiles(values: Floats, shares: tuple[float, ...]) -> Floats:
     count = np.sum(~np.isnan(values), axis=0)
     rows = [np.floor(share * np.maximum(count - 1, 0)).astype(np.intp) for share in shares]
     return np.stack([np.take_along_axis(ordered, row[None], axis=0)[0] for row in rows])
+
+
+def median(values: Floats) -> float:
+    """Return the median of all values; NaN if one of them is NaN, or without any.
+
+    NumPy's own function loads masked arrays with its first call, which takes longer than a small take.
+    """
+    ordered = np.sort(values, axis=None)
+    if not ordered.size or np.isnan(ordered[-1]):
+        return float("nan")
+    return float((ordered[(ordered.size - 1) // 2] + ordered[ordered.size // 2]) / 2.0)
+
+
+def quantile(values: Floats, share: float) -> float:
+    """Return a quantile of values (n,), n > 0, interpolated linearly between two of them, as ``numpy.quantile`` does.
+
+    NumPy's own function loads masked arrays too.
+    """
+    place = share * (len(values) - 1)
+    low = int(place)
+    high = min(low + 1, len(values) - 1)
+    below, above = (float(value) for value in np.partition(values, (low, high))[[low, high]])
+    rest = place - low
+    # From the nearer of the two, so that the result is monotone in the share.
+    return below + rest * (above - below) if rest < 0.5 else above - (1.0 - rest) * (above - below)

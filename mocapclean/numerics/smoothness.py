@@ -8,7 +8,7 @@ roughness 0.
 """
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+import scipy
 
 from mocapclean.arrays import Floats
 from mocapclean.numerics.low_rank.differences import add_adjoint, difference, normal_bands
@@ -50,5 +50,5 @@ def smooth(values: Floats, weight: float, order: int, *, flat_ends: bool = True)
     upper = np.zeros_like(lower)
     for k in range(min(3, len(values))):
         upper[2 - k, k:] = lower[k, : len(values) - k]
-    solution: Floats = dpbtrs(dpbtrf(upper)[0], values)[0]
+    solution: Floats = scipy.linalg.lapack.dpbtrs(scipy.linalg.lapack.dpbtrf(upper)[0], values)[0]
     return solution

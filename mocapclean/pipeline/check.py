@@ -7,6 +7,7 @@ from time import perf_counter
 
 import numpy as np
 
+from mocapclean import progress
 from mocapclean.arrays import Bools, runs
 from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
@@ -199,7 +200,8 @@ def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
-    checked = checked_before_filling(method, take, np.ones_like(take.trusted), settings, library)
+    with progress.within("checking itself"):
+        checked = checked_before_filling(method, take, np.ones_like(take.trusted), settings, library)
     error = checked.total.error
     return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from mocapclean import progress
 from mocapclean.arrays import Bools
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import Dictionary
@@ -21,7 +22,7 @@ def solver(
 
     begun: the answer of the method for the take with more samples trusted, or None.
     """
-    params = getattr(settings.methods, method)
+    params = settings.methods[method]
     return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary, begun=begun)
 
 
@@ -31,8 +32,9 @@ def settle_method(
     """Return the settings with a method in place of auto, how it was chosen, and the self-check of the choice."""
     if settings.method != "auto":
         return settings, None, None
-    choice, checked = choose(take, wanted, settings, dictionary)
-    return settings.model_copy(update={"method": choice.method}), choice, checked
+    with progress.within("choosing a method"):
+        choice, checked = choose(take, wanted, settings, dictionary)
+    return settings.but(method=choice.method), choice, checked
 
 
 def check_filled(
@@ -42,9 +44,10 @@ def check_filled(
 
     solution: the answer of the method for the take.
     """
+    solve = solver(settings.method, settings, dictionary, solution)
     try:
-        solve = solver(settings.method, settings, dictionary, solution)
-        return self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
+        with progress.within("checking itself"):
+            return self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
     except SolverError as error:
         return SelfCheck(because=f"with more samples hidden the method fails: {error}")
 

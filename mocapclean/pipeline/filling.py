@@ -4,12 +4,12 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
 from mocapclean.arrays import Bools
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import UsageError
+from mocapclean.parameters import faults
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
@@ -24,11 +24,10 @@ def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None
     """
     if method not in SOLVERS:
         raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {method!r}.")
-    try:
-        params = SOLVERS[method].Params(**parameters)
-    except ValidationError as invalid:
-        faults = "; ".join(f"{f['loc'][0]}: {f['msg']}, got {f['input']!r}" for f in invalid.errors())
-        raise UsageError(f"the parameters of {method} must be valid. {faults}.") from None
+    if refused := faults(SOLVERS[method].Params, parameters):
+        text = "; ".join(f"{name}: {fault}, got {value!r}" for name, fault, value in refused)
+        raise UsageError(f"the parameters of {method} must be valid. {text}.")
+    params = SOLVERS[method].Params(**parameters)
     return merge(take, run_method(method, take, params, dictionary=library), np.ones_like(take.trusted))
 
 

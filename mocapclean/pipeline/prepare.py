@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from mocapclean import formats
+from mocapclean import formats, progress
 from mocapclean.arrays import Ints
 from mocapclean.config.settings import Settings
 from mocapclean.detection import detect
@@ -53,6 +53,7 @@ def prepare(source: Path, settings: Settings) -> Prepared:
 
     Raises FormatError for a file that cannot be read, UsageError for markers or spans that it does not have.
     """
+    progress.stage("reading")
     whole = _read(source, settings)
     excluded = np.zeros(len(whole.markers), dtype=bool)
     for pattern in settings.exclude:
@@ -67,7 +68,8 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     if settings.gaps:
         selected = distrust(selected, read_spans(settings.gaps))
     rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
-    selected = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
+    with progress.within("detecting"):
+        selected = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
     return Prepared(whole=whole, selected=selected, columns=columns)
 
 

@@ -1,6 +1,5 @@
 """Repair one take: prepare, fill, write, verify, and record what happened."""
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -21,6 +20,7 @@ from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
 from mocapclean.pipeline.choose import check_filled, settle_method, solver
 from mocapclean.pipeline.filling import merge
+from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
 from mocapclean.pipeline.summary import summarise, with_accuracy
@@ -48,20 +48,6 @@ def repair(source: Path, output: Path, settings: Settings, arrays: Path | None =
     return replace(outcome, seconds=perf_counter() - started)
 
 
-def inspect(source: Path, settings: Settings) -> Outcome:
-    """Read and detect, write nothing. Raises what reading raises."""
-    prepared = prepare(source, settings)
-    selected = prepared.selected
-    outcome = summarise(selected, selected, detected(selected), settings)
-    return replace(outcome, source=source, status="inspected", format=prepared.format, source_sha256=digest(source))
-
-
-def digest(path: Path) -> str:
-    """Return the SHA-256 of a file, as hexadecimal digits."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:
     check_output(output, source, settings.overwrite)
     prepared = prepare(source, settings)
@@ -76,17 +62,18 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
         nothing = np.zeros_like(selected.trusted)
         solution = Solution(positions=selected.positions, filled=nothing, reason="nothing to fill")
     else:
+        progress.stage("filling")
         solution = solver(settings.method, settings, library)(selected, wanted)
     # Candidates of auto were compared on all their answers. Where uncertain ones are left, the chosen is checked again.
     leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
     if checks_itself and (checked is None or leaves_some):
-        progress.stage("checking itself")
         checked = check_filled(selected, wanted, solution, settings, library)
     sd = _error_bars(selected, solution, wanted, settings)
     if sd is not None and checked is not None:
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
+    progress.stage("writing")
     written = formats.write(
         prepared.with_selected(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
     )

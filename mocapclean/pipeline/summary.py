@@ -66,8 +66,8 @@ def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
 
 def _statuses(codes: Codes) -> Mapping[Status, int]:
     """Return how many samples have each status that occurs."""
-    values, numbers = np.unique(codes, return_counts=True)
-    return {Status(value): int(number) for value, number in zip(values.tolist(), numbers.tolist(), strict=True)}
+    numbers = np.bincount(codes.ravel()).tolist()
+    return {Status(value): number for value, number in enumerate(numbers) if number}
 
 
 def _moves(before: Take, after: Take, codes: Codes) -> Floats:
@@ -119,14 +119,16 @@ def bone_reports(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...]
     columns = {name: column for column, name in enumerate(before.markers)}
     ends = np.array([(columns[b.start], columns[b.end]) for b in bones], dtype=np.intp).reshape(-1, 2)
     lengths = np.array([b.length for b in bones])
-    states = ((before.positions, before.trusted), (after.positions, before.trusted | after.filled))
-    first, second = (metrics.bone_lengths(*state, ends, lengths) for state in states)
+    states = [(before.positions, before.trusted)]
+    if after is not before:
+        states.append((after.positions, before.trusted | after.filled))
+    measured = [metrics.bone_lengths(*state, ends, lengths) for state in states]
+    errors = [metrics.skeleton_rmse(*state, ends, lengths) for state in states]
     reports = tuple(
         BoneReport(start=bone.start, end=bone.end, reference=bone.length, before=was, after=now)
-        for bone, was, now in zip(bones, first, second, strict=True)
+        for bone, was, now in zip(bones, measured[0], measured[-1], strict=True)
     )
-    was, now = (metrics.skeleton_rmse(*state, ends, lengths) for state in states)
-    return source, reports, (was, now)
+    return source, reports, (errors[0], errors[-1])
 
 
 def with_accuracy(outcome: Outcome, after: Take, truth: Take) -> Outcome:

@@ -1,18 +1,16 @@
 """The report as JSON; ``docs/report.schema.json`` is its schema."""
 
 import json
-import math
 import platform
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy
 
 from mocapclean import __version__
 from mocapclean.evaluation.metrics import GRADES
+from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
@@ -41,13 +39,15 @@ def text(rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> Iterat
 
 
 def _head(config: Mapping[str, Any]) -> dict[str, Any]:
+    import scipy  # only its version is needed, and only by a report
+
     versions = {
         "mocapclean": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,
         "scipy": scipy.__version__,
     }
-    return {"schema": SCHEMA, "versions": versions, "config": _plain(config)}
+    return {"schema": SCHEMA, "versions": versions, "config": plain(config)}
 
 
 def checked(verdicts: Sequence[Verdict], config: Mapping[str, Any]) -> str:
@@ -61,8 +61,8 @@ def checked(verdicts: Sequence[Verdict], config: Mapping[str, Any]) -> str:
             "frames": verdict.n_frames,
             "first_frame": verdict.first_frame,
             "markers": verdict.n_markers,
-            "measures": _plain(verdict.measures),
-            "breaches": _plain(verdict.breaches),
+            "measures": plain(verdict.measures),
+            "breaches": plain(verdict.breaches),
             "findings": [_finding(finding, verdict.first_frame) for finding in verdict.findings],
         }
         for verdict in verdicts
@@ -114,27 +114,27 @@ def row(outcome: Outcome) -> dict[str, Any]:
         "markers": outcome.n_markers,
         "rate": outcome.rate,
         "method": outcome.method,
-        "choice": _plain(outcome.choice),
-        "parameters": _plain(outcome.parameters),
-        "solution": _plain(outcome.solution),
-        "counts": _plain(outcome.counts),
-        "largest_move": _plain(outcome.largest_move),
+        "choice": plain(outcome.choice),
+        "parameters": plain(outcome.parameters),
+        "solution": plain(outcome.solution),
+        "counts": plain(outcome.counts),
+        "largest_move": plain(outcome.largest_move),
         "statuses": {status.code: number for status, number in outcome.statuses.items()},
         "gaps": [_gap(gap, first) for gap in outcome.gaps],
         "findings": [_finding(finding, first) for finding in outcome.findings],
         "accuracy": {
             "reference": str(outcome.reference) if outcome.reference else None,
-            "filled": _plain(outcome.accuracy),
-            "by_marker": _plain(outcome.accuracy_by_marker),
-            "by_gap_length": _plain(outcome.accuracy_by_length),
+            "filled": plain(outcome.accuracy),
+            "by_marker": plain(outcome.accuracy_by_marker),
+            "by_gap_length": plain(outcome.accuracy_by_length),
         },
-        "self_check": _plain(outcome.self_check),
-        "stored_minus_solved": _plain(outcome.fitting),
+        "self_check": plain(outcome.self_check),
+        "stored_minus_solved": plain(outcome.fitting),
         "outdated_points": list(outcome.outdated),
         "bones": {
             "from": outcome.bones_from,
             "skeleton_rmse": {"before": outcome.skeleton_rmse[0], "after": outcome.skeleton_rmse[1]},
-            "lengths": _plain(outcome.bones),
+            "lengths": plain(outcome.bones),
         },
     }
 
@@ -150,12 +150,12 @@ def _gap(gap: GapReport, first: int) -> dict[str, Any]:
         "filled": gap.n_filled == length,
         "samples_filled": gap.n_filled,
         "samples_replaced": gap.n_replaced,
-        "largest_move": _plain(gap.largest_move),
+        "largest_move": plain(gap.largest_move),
         "status": gap.status.code,
         "left_because": gap.status.sentence,
-        "expected_3d": _plain(gap.expected),
+        "expected_3d": plain(gap.expected),
         "grade": gap.grade or None,
-        "error": _plain(gap.error),
+        "error": plain(gap.error),
     }
 
 
@@ -171,20 +171,3 @@ def _finding(finding: Finding, first: int) -> dict[str, Any]:
         "advice": finding.advice,
         "suspicion": finding.suspicion,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return dataclasses, paths and NumPy scalars as JSON values; numbers that are not finite become null."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return _plain(asdict(value))
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

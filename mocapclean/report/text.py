@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from mocapclean.errors import printable
 from mocapclean.evaluation.metrics import GRADES, Error
 from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
@@ -64,11 +65,6 @@ def totals(counts: Mapping[str, int], n_earlier: int, report: Path | None) -> st
     line = _count(sum(counts.values()), "take") + (f": {parts}" if parts else "")
     line += f"; {n_earlier:,} done before" if n_earlier else ""
     return printable(line + (f"; report in {report}" if report else ""))
-
-
-def printable(text: str) -> str:
-    """Return a line with escapes for characters that cannot be printed or would control the terminal."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 def verdict(take: Verdict, *, verbose: bool = False) -> str:

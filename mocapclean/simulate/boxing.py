@@ -7,9 +7,9 @@ tests/simulate has these.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from mocapclean.arrays import Floats
+from mocapclean.numerics.gaussian import smoothed
 from mocapclean.simulate.figure import ROOT_HEIGHT, Vector, rotation
 from mocapclean.simulate.legs import ANKLE_HEIGHT, leg_angles, minimum_jerk, rolling_foot
 from mocapclean.simulate.markers import smooth_noise
@@ -179,10 +179,10 @@ def box(n_frames: int, rate: float, rng: np.random.Generator) -> tuple[Floats, d
     # The trunk in equal parts of three bones, the gaze in parts of two; then legs that reach the feet
     trunk, gaze = values.pop("trunk") / 3, values.pop("gaze") / 2
     spine = {"lowerback": trunk, "upperback": trunk, "thorax": trunk, "neck": gaze, "head": gaze}
-    angles = {bone: gaussian_filter1d(v, _BONE_SMOOTHING * rate, axis=0) for bone, v in (values | spine).items()}
+    angles = {bone: smoothed(v, _BONE_SMOOTHING * rate) for bone, v in (values | spine).items()}
     steps = _steps(time, rng)
     # The root follows half of each foot's step, and none of its lift.
-    root = gaussian_filter1d(root + (steps["l"] + steps["r"]) * (0.5, 0.0, 0.5), _ROOT_SMOOTHING * rate, axis=0)
+    root = smoothed(root + (steps["l"] + steps["r"]) * (0.5, 0.0, 0.5), _ROOT_SMOOTHING * rate)
     for side in "lr":
         angles |= _leg(side, root, angles["root"], steps[side], pivots[side], rate)
     return root, angles
@@ -224,8 +224,8 @@ def _steps(time: Floats, rng: np.random.Generator) -> dict[str, Floats]:
 def _leg(side: str, root: Floats, pelvis: Floats, step: Floats, pivot: Floats, rate: float) -> dict[str, Floats]:
     """Return the angles of a leg from the root (F, 3), the pelvis (F, 3), the step (F, 3) and the pivot (F, 2)."""
     place, yaw, pitch = _FEET[side]
-    turned = gaussian_filter1d(pivot, _ROOT_SMOOTHING * rate, axis=0) + np.array([yaw, pitch])
-    level_ankle = gaussian_filter1d(step, _BONE_SMOOTHING * rate, axis=0) + place
+    turned = smoothed(pivot, _ROOT_SMOOTHING * rate) + np.array([yaw, pitch])
+    level_ankle = smoothed(step, _BONE_SMOOTHING * rate) + place
     ankle, foot = rolling_foot(side, level_ankle, turned[:, 0], turned[:, 1])
     toes = np.zeros_like(root)
     toes[:, 0] = -turned[:, 1]

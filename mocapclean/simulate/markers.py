@@ -7,10 +7,10 @@ thighs, shanks and upper arms have different heights on the right and on the lef
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from mocapclean.arrays import Floats
 from mocapclean.geometry.skeleton import Skeleton, forward
+from mocapclean.numerics.gaussian import smoothed
 from mocapclean.simulate.figure import Vector
 
 NOISE = 0.15
@@ -112,7 +112,7 @@ def smooth_noise(rng: np.random.Generator, n_frames: int, rate: float, cutoff: f
     sigma = rate / (2 * np.pi * cutoff)
     margin = int(4 * sigma) + 1
     white = rng.standard_normal((n_frames + 2 * margin, n_columns))
-    smooth = gaussian_filter1d(white, sigma, axis=0)[margin:-margin]
+    smooth = smoothed(white, sigma)[margin:-margin]
     return np.asarray(smooth * np.sqrt(2 * np.sqrt(np.pi) * sigma))
 
 
@@ -160,4 +160,4 @@ def _lag(point: Floats, rate: float, wobble: float) -> Floats:
     """Return the lag (F, 3), mm, of a point behind its acceleration a: a / ω², smoothed over 1 / ω."""
     omega = 2 * np.pi * wobble
     acceleration = np.gradient(np.gradient(point, axis=0), axis=0) * rate**2
-    return np.asarray(gaussian_filter1d(acceleration, rate / omega, axis=0) / omega**2)
+    return np.asarray(smoothed(acceleration, rate / omega) / omega**2)

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.geometry.distances import rigidity
@@ -325,6 +324,8 @@ def _at(take: Take, frames: Ints) -> Variation:
 
 def _interpolated(take: Take, times: Floats, rate: float) -> Variation:
     """Return the take at some times, in frames, on cubic splines through each run of trusted samples."""
+    from scipy.interpolate import CubicSpline  # one variation of many needs it, and it is long to load
+
     shape = (len(times), len(take.markers))
     positions, trusted = np.zeros((*shape, 3)), np.zeros(shape, dtype=bool)
     for marker, start, stop in column_runs(take.trusted):

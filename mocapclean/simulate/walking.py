@@ -7,9 +7,9 @@ these. Phases of sines and cosines are in radians of the stride, angles in degre
 """
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
 
 from mocapclean.arrays import Floats
+from mocapclean.numerics.gaussian import smoothed
 from mocapclean.simulate.figure import ROOT_HEIGHT, rotation
 from mocapclean.simulate.legs import ANKLE_HEIGHT, leg_angles, minimum_jerk, rolling_foot
 from mocapclean.simulate.markers import smooth_noise
@@ -116,13 +116,13 @@ def _leg(
     level_ankle[:, 1] += _CLEARANCE * np.sin(np.pi * swung) ** 2
     smoothing = _SMOOTHING_SECONDS * rate
     yaw = np.full(len(phase), _TOE_OUT * left)
-    pitch = gaussian_filter1d(pitch, smoothing)
+    pitch = smoothed(pitch, smoothing)
     ankle, foot = rolling_foot(side, level_ankle, yaw, pitch)
-    ankle = gaussian_filter1d(ankle, smoothing, axis=0)
+    ankle = smoothed(ankle, smoothing)
     # Toes: flat on the floor while the heel is up, then bent up a little for clearance
     toes = -np.maximum(pitch, 0.0) * (1 - minimum_jerk(part, _TOE_OFF, _LEVEL_IN_SWING))
     toes = toes - 5 * minimum_jerk(part, 0.6, 0.8)
-    bend = _columns(gaussian_filter1d(toes, smoothing), 0, 0)
+    bend = _columns(smoothed(toes, smoothing), 0, 0)
     return leg_angles(side, root, rotation(pelvis), ankle, foot, yaw) | {f"{side}toes": bend}
 
 

@@ -15,53 +15,32 @@ A method never reads an untrusted sample and fills nothing but fillable ones. It
 terminal or a global random state.
 """
 
-from mocapclean.solvers import (
-    bolero,
-    dynammo,
-    ialm,
-    kalman,
-    kriging,
-    linear,
-    llc,
-    pca,
-    pma,
-    psvt,
-    scsvt,
-    spline,
-    srmmp,
-    svt,
-    tnnr,
-    trnn,
-    trnn2,
-    tsmc,
-)
+from mocapclean.registry import Modules
 from mocapclean.solvers.method import Method
 
-SOLVERS: dict[str, Method] = {
-    "kriging": kriging,
-    "linear": linear,
-    "spline": spline,
-    "trnn2": trnn2,
-    "trnn": trnn,
-    "tsmc": tsmc,
-    "dynammo": dynammo,
-    "bolero": bolero,
-    "pca": pca,
-    "pma": pma,
-    "kalman": kalman,
-    "svt": svt,
-    "scsvt": scsvt,
-    "ialm": ialm,
-    "psvt": psvt,
-    "tnnr": tnnr,
-    "srmmp": srmmp,
-    "llc": llc,
-}
-
-AUTO_CANDIDATES = tuple(
-    sorted(
-        (name for name, module in SOLVERS.items() if module.TRAITS.auto_place is not None),
-        key=lambda name: SOLVERS[name].TRAITS.auto_place or 0,
-    )
+SOLVERS: Modules[Method] = Modules(
+    __name__,
+    (
+        "kriging",
+        "linear",
+        "spline",
+        "trnn2",
+        "trnn",
+        "tsmc",
+        "dynammo",
+        "bolero",
+        "pca",
+        "pma",
+        "kalman",
+        "svt",
+        "scsvt",
+        "ialm",
+        "psvt",
+        "tnnr",
+        "srmmp",
+        "llc",
+    ),
 )
-"""The candidates of method auto by default, in the order in which they are tried."""
+
+AUTO_CANDIDATES = ("kriging", "pca", "pma", "kalman", "spline", "linear")
+"""The candidates of method auto by default, in the order in which they are tried. The others are too slow for it."""

@@ -30,14 +30,12 @@ E bones on them.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.bone_projection import project_to_bone_lengths, tied_points
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.state_space.smoother import Masks
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers import dynammo
 from mocapclean.solvers.method import KnownBones, Traits, limit_reached
 from mocapclean.take import Solution, Take
@@ -55,7 +53,7 @@ TRAITS = Traits(
 )
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(dynammo.Params):
     """The parameters of dynammo, and the constraint of the bones."""
 

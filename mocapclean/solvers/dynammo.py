@@ -27,8 +27,6 @@ Cost per iteration: O(F H² + F M H²), and O(H³) for each frame in which covar
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import SolverError
@@ -42,7 +40,7 @@ from mocapclean.numerics.state_space.linear_dynamics import (
     system_of_principal_components,
 )
 from mocapclean.numerics.state_space.smoother import Masks, Smoothed
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
@@ -56,7 +54,7 @@ LEAST_VARIANCE = 1e-10  # of any variance, in squared spreads of the take: an SD
 DIVERGED = 1e3  # spreads of the take from the origin at which ``em="plus"`` counts as diverged; no sweep was kept
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The size of the hidden state, the learning, and the stopping rule."""
 

@@ -31,19 +31,17 @@ passes over the matrix, O(F M).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass as plain_dataclass
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
 from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.robust_pca import robust_pca
 from mocapclean.numerics.low_rank.shrinkage import singular_values
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
@@ -58,7 +56,7 @@ _COMPLETION_TOLERANCE = 2e-4  # tolerance auto of mode completion; no sweep was 
 _ROBUST_TOLERANCE = 1e-7  # tolerance auto of mode robust; the default of the authors' program
 
 
-@plain_dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PaperSchedule:
     """The growing penalty of mode completion as printed."""
 
@@ -78,7 +76,7 @@ class PaperSchedule:
 _PAPER_SCHEDULE = PaperSchedule()
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The problem, the schedule of the penalty, and the stopping rule."""
 

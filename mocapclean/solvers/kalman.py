@@ -28,8 +28,6 @@ yet.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, runs
 from mocapclean.geometry.moving_origin import moving_origin
@@ -37,7 +35,7 @@ from mocapclean.numerics import interpolation
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.state_space.linear_dynamics import LinearSystem
 from mocapclean.numerics.state_space.smoother import Dynamics, Masks, kalman_filter, measure, rts_smoother
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
@@ -46,7 +44,7 @@ REFERENCE = (
     "doi:10.1016/j.jbiomech.2016.04.016"
 )
 
-TRAITS = Traits(error_bars=True, auto_place=4)
+TRAITS = Traits(error_bars=True)
 
 # No sweep of these was kept.
 _ROUNDING = 1e-6  # a component whose singular value is below this share of the first is rounding
@@ -55,7 +53,7 @@ _LEAST_PROCESS = 1e-6  # share of the noise variance that is added to Q, for a c
 _FEWEST_COMPLETE = 2  # complete frames that principal components need
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The number of components, and their random walk."""
 

@@ -4,20 +4,18 @@ x(t) = x_a + (t − a) / (b − a) · (x_b − x_a) between the trusted frames a
 last frame of the take has a trusted sample on one side only and is left unfilled. Cost: O(F M).
 """
 
-from pydantic.dataclasses import dataclass
-
 from mocapclean.arrays import Bools
 from mocapclean.numerics.interpolation import linear
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import parameters
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
 REFERENCE = "Linear interpolation between the trusted samples around a gap."
 
-TRAITS = Traits(extrapolates=False, auto_place=6, self_checked=True)
+TRAITS = Traits(extrapolates=False, self_checked=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """No parameter."""
 

@@ -28,14 +28,12 @@ from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics import windows
 from mocapclean.numerics.coding.locality import reconstruct
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.dictionary_fill import BodyTake, solution_of
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
@@ -47,7 +45,7 @@ REFERENCE = "Z. Wang et al., 2016, human motion capture data recovery with parti
 TRAITS = Traits(needs_dictionary=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The coding of a window, and the step from windows to a motion."""
 

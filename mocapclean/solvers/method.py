@@ -33,9 +33,6 @@ class Traits:
     cleans_complete_takes: bool = False
     """Whether, with its parameter ``denoise``, it also corrects a take in which nothing is missing."""
 
-    auto_place: int | None = None
-    """Its place, from 1, among the candidates of method auto; None for a method too slow to be one by default."""
-
     self_checked: bool = False
     """Whether ``self_check: auto`` measures its error on hidden samples."""
 

@@ -28,18 +28,16 @@ A gap may begin and end with a step, as in the authors' programs. Cost for each 
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass as plain_dataclass
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.geometry.distances import mean_distances
 from mocapclean.numerics import interpolation
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.method import Traits
 from mocapclean.solvers.travelling import TravellingTake
@@ -50,7 +48,7 @@ REFERENCE = (
     "intercorrelations, doi:10.1371/journal.pone.0152616"
 )
 
-TRAITS = Traits(auto_place=2)
+TRAITS = Traits()
 
 # No sweep of these was kept.
 _FEWEST_HELPERS = 3  # markers, for a near set of helpers, and for strategy R1
@@ -61,7 +59,7 @@ _CONSTANT = 1e-6  # a coordinate whose SD is below this share of the largest SD 
 _LEAST_SINGULAR = 1e-2  # directions of V_o with a smaller singular value than this share of the largest get no score
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The strategy, and the weights of the helpers."""
 
@@ -94,7 +92,7 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     return Solution(positions=positions, filled=answered, facts=facts)
 
 
-@plain_dataclass(frozen=True)
+@dataclass(frozen=True)
 class LostBlock:
     """Frames (n,) in which the markers ``lost`` are missing together, and the helpers trusted in all of them."""
 

@@ -20,12 +20,9 @@ Departures, modes and cost are those of ``ialm``, and:
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
 from mocapclean.arrays import Bools
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers import ialm
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
@@ -38,7 +35,7 @@ REFERENCE = (
 TRAITS = Traits()
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(ialm.Params):
     """The parameters of ``ialm``, and the number of free singular values."""
 

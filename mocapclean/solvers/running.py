@@ -12,7 +12,6 @@ from mocapclean.numerics.robust import nan_median
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.fillable import enclosed, fillable
 from mocapclean.solvers.method import KnownBones, Traits
-from mocapclean.solvers.over_time import bridge_all, bridge_dropouts
 from mocapclean.take import Solution, Take
 from mocapclean.take.bones import bones_of
 
@@ -41,6 +40,9 @@ def run_method(
     if not traits.extrapolates or not (take.detached.any() or _has_dropouts(take)):
         # Each column by itself, or nothing that the method cannot fill.
         return _solve(name, take, params, wanted, dictionary, begun)
+    # Few takes have these, and the default method is loaded for them.
+    from mocapclean.solvers.over_time import bridge_all, bridge_dropouts
+
     attached = np.flatnonzero(~take.detached)
     part = take.select(attached)
     # The method takes the samples that are bridged over time as known.

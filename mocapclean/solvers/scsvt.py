@@ -31,14 +31,12 @@ Cost per iteration: that of ``svt`` and two sparse products over the constraints
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers import svt
 from mocapclean.solvers.method import KnownBones, Traits, limit_reached
 from mocapclean.take import Solution, Take
@@ -58,7 +56,7 @@ TRAITS = Traits(
 _SAFE_STEP = 1.9  # δ λ of the plain ascent at most; it is safe below 2
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(svt.Params):
     """The parameters of ``svt``, and the tolerance of the bones."""
 

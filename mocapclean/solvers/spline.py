@@ -8,20 +8,18 @@ itself, so rotating the world changes the answer a little. Cost: O(F M).
 F. N. Fritsch, R. E. Carlson, Monotone piecewise cubic interpolation, 1980, doi:10.1137/0717021.
 """
 
-from pydantic.dataclasses import dataclass
-
 from mocapclean.arrays import Bools
 from mocapclean.numerics.interpolation import monotone
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import parameters
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
 
 REFERENCE = "F. N. Fritsch, R. E. Carlson, 1980, Monotone piecewise cubic interpolation, doi:10.1137/0717021"
 
-TRAITS = Traits(extrapolates=False, auto_place=5, self_checked=True)
+TRAITS = Traits(extrapolates=False, self_checked=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """No parameter."""
 

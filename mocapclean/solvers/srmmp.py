@@ -21,14 +21,12 @@ round over P poses, a few rounds of some ten small steps each.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.numerics.coding.dictionary_learning import normalised
 from mocapclean.numerics.coding.sparse_coding import lasso
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.dictionary_fill import BodyTake, solution_of
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
@@ -40,7 +38,7 @@ REFERENCE = (
 TRAITS = Traits(needs_dictionary=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The sparsity of a mixture, and the step from frames to a motion."""
 

@@ -29,15 +29,12 @@ over the matrix, O(F M).
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
 from mocapclean.arrays import Bools
 from mocapclean.numerics.low_rank.centred_matrix import CentredMatrix, centred_matrix
 from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds, no_bounds
 from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate, threshold_by_dual_ascent
 from mocapclean.numerics.low_rank.thresholding_by_splitting import threshold_by_splitting
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
@@ -46,7 +43,7 @@ REFERENCE = "J.-F. Cai, E. J. Candès, Z. Shen, 2010, A singular value threshold
 TRAITS = Traits()
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The threshold, and the iteration to the minimum."""
 

@@ -29,14 +29,12 @@ Cost per inner iteration: that of ``ialm``.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.low_rank.nuclear_norm_completion import NuclearNormCompletion
 from mocapclean.numerics.low_rank.shrinkage import singular_values, top_singular_directions
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
@@ -48,7 +46,7 @@ REFERENCE = (
 TRAITS = Traits()
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The rank, and the two loops."""
 

@@ -35,8 +35,6 @@ pentadiagonal solve, O(F M).
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics.low_rank.shrinkage import (
@@ -46,7 +44,7 @@ from mocapclean.numerics.low_rank.shrinkage import (
     top_singular_directions,
 )
 from mocapclean.numerics.low_rank.smooth_sparse_splitting import SmoothSparseModel, SplitCopies
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.solvers.sparse_noise import NoisyTake
 from mocapclean.take import Solution, Take
@@ -61,7 +59,7 @@ TRAITS = Traits(cleans_complete_takes=True)
 _SEPARATION_PENALTY = 1.25  # η₀ ‖D‖₂ of Hu's experiment on synthetic matrices
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The weights of the model, its ranks, and the growth of the penalty."""
 

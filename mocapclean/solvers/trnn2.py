@@ -35,8 +35,6 @@ pentadiagonal solve over the missing entries.
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics import interpolation
@@ -47,7 +45,7 @@ from mocapclean.numerics.low_rank.shrinkage import (
     spectral_gap_rank,
     top_singular_directions,
 )
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.take import Solution, Take
 
@@ -59,7 +57,7 @@ CHECK_EVERY = 10  # iterations from one computation of the residuals to the next
 TINY = np.finfo(np.float64).tiny  # keeps a quotient of norms finite where both are 0
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The weights of the model, its rank, and the two loops."""
 

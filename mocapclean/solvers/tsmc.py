@@ -29,14 +29,12 @@ solve and 4 · memory passes over the matrix, O(F M). Anderson keeps 4 · memory
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics.low_rank.anderson_acceleration import AndersonAcceleration
 from mocapclean.numerics.low_rank.shrinkage import shrink_singular_values
 from mocapclean.numerics.low_rank.smooth_sparse_splitting import SplitCopies
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits, limit_reached
 from mocapclean.solvers.sparse_noise import NoisyTake
 from mocapclean.take import Solution, Take
@@ -49,7 +47,7 @@ REFERENCE = (
 TRAITS = Traits(cleans_complete_takes=True)
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The weights of the model, and the iteration."""
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from mocapclean.config.loading import resolve
-from mocapclean.config.settings import DEFAULT_METHOD, Settings
+from mocapclean.config.settings import DEFAULT_METHOD, Grades, Settings
 from mocapclean.errors import ConfigError
 
 
@@ -108,7 +108,7 @@ def test_binary_and_absent_files_are_refused(tmp_path):
 
 
 def test_grades_have_inclusive_limits():
-    settings = Settings(grades={"good": 2.0, "fair": 5.0})
+    settings = Settings(grades=Grades(good=2.0, fair=5.0))
     assert [settings.grades.of(expected) for expected in (0.0, 2.0, 2.1, 5.0, 5.1, float("inf"))] == [
         "good",
         "good",

@@ -58,7 +58,7 @@ def test_every_experiment_gives_rows_tables_and_figures(name, folder, tmp_path, 
     arguments = (name, "7_01", "--folder", folder, "--quick", "--methods", "linear", "--out-dir", tmp_path)
     code, text, err = run(*arguments)
     assert (code, err) == (0, "")
-    assert text.startswith(f"{name}: {EXPERIMENTS[name].reference}")
+    assert text.startswith(f"{name}: {EXPERIMENTS[name].EXPERIMENT.reference}")
     assert (tmp_path / f"{name}.txt").read_text(encoding="utf-8") == text
     rows = rows_of(tmp_path / f"{name}.csv")
     report = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
@@ -474,7 +474,7 @@ def test_printed_tables_are_whole():
     cell = {"take": "49_02", "method": "scsvt", "out": "3", "length": "120", "rmse": "0.093"}
     assert cell in rows
     assert len(published("tan2015_table2")) == 8 * 4
-    assert {row["take"] for row in rows} == set(EXPERIMENTS["tan2015"].sequences)
+    assert {row["take"] for row in rows} == set(EXPERIMENTS["tan2015"].EXPERIMENT.sequences)
     assert len(published("hu2017_seconds")) == 6
     assert all(statements(name) for name in EXPERIMENTS if name not in ("compare", "markers", "trust", "harm"))
 

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 
 from mocapclean.config.loading import resolve
 from mocapclean.formats import c3d
-from mocapclean.pipeline.repair import inspect, repair
+from mocapclean.pipeline.inspection import inspect
+from mocapclean.pipeline.repair import repair
 from mocapclean.take import Finding, Take
 from mocapclean.take.status import MEANINGS, Status, decide, detected, first_rules, supplied, supply, withdraw
 

@@ -11,19 +11,17 @@ when a limb moves that was at rest for most of the take, distances change and th
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.breaks import noise_tail
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, duration, findings
 from mocapclean.numerics.robust import nan_median
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 
 _FEWEST_DISTANCES = 2  # distances out of range: a single one may be the partner's fault
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

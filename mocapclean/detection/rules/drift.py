@@ -26,14 +26,12 @@ of the marker's. The slide is distrusted where the marker has moved 3 mm, and 3 
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch
 from mocapclean.detection.steps import LEAST_SCORE, LEAST_STEP, SLIDE_SECONDS, Step, least_score
 from mocapclean.numerics.robust import nan_median
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding
 
 # Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md); no sweep was kept.
@@ -42,7 +40,7 @@ _SLIDE_DISTANCE = 3.0  # mm along a step that a marker must have moved to be par
 _SLIDE_RESIDUALS = 3.0  # median residuals along the step, likewise
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -7,16 +7,14 @@ in the world and relative to the partners; the threshold follows from noise and 
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import LONGEST_REPLACED, Level, Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -8,17 +8,15 @@ the marker's frames or more is left alone, because props rest for most of a take
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.holds import LEAST_MOTION, SHORTEST_HOLD
 from mocapclean.detection.rule import Ruling, Switch, duration
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

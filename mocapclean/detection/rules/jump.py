@@ -7,17 +7,14 @@ longer one belongs to ``drift``.
 
 from typing import Annotated
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import LEAST_EXCURSION, SHORTEST_JUMP, examine_excursions
 from mocapclean.detection.rule import LONGEST_REPLACED, Level, Ruling, Switch, leap
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -1,16 +1,15 @@
 """Report the samples that the file itself marks as missing, one finding for each gap; no trust is lowered."""
 
 import numpy as np
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import column_runs
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, duration
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import parameters
 from mocapclean.take import Finding
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """This rule has no parameters."""
 

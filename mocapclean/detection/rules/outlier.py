@@ -7,19 +7,16 @@ much as a fill by that method, and is off by default. It runs after the other ru
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.running import run_method
 
 AFTER_OTHERS = True
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 
@@ -33,6 +30,8 @@ class Params(Switch):
 def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) whose sparse part exceeds ``least``, and their findings."""
     take, method = evidence.take, params.method
+    from mocapclean.solvers.running import run_method  # the rule is off by default, and its defaults need no method
+
     noise = run_method(method, take, SOLVERS[method].Params(denoise=True, sparsity=params.sparsity)).outliers
     size = np.zeros(take.trusted.shape) if noise is None else np.linalg.norm(noise, axis=2)
     outliers = np.asarray(take.trusted & (size > params.least))

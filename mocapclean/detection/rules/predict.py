@@ -10,13 +10,11 @@ partners with less than half of the weight are in sight and on their own paths i
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.detection.breaks import noise_tail
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 
 # Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md); no sweep was kept.
 _CLOSEST_PARTNERS = 5  # partners whose residuals a limb is recognised by
@@ -24,7 +22,7 @@ _RESIDUAL_RATIO = 2.0  # times the largest of their residuals
 _LEAST_WEIGHT = 0.5  # share of the weight of all partners that must be in sight and on their paths
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -8,16 +8,13 @@ Longer excursions belong to ``jump``.
 
 from typing import Annotated
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import LEAST_EXCURSION, LONGEST_SPIKE, examine_excursions
 from mocapclean.detection.rule import Level, Ruling, Switch
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -9,18 +9,16 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import runs
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.exchanges import Exchange, exchange
 from mocapclean.detection.rule import Ruling, Switch, duration
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Exchanged, Finding, Take
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 

@@ -22,23 +22,20 @@ from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-from scipy.interpolate import PchipInterpolator
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.rule import Ruling, Switch, duration, findings, leap
 from mocapclean.detection.segments import SegmentEnds, best_chain, cut_segments
 from mocapclean.numerics.robust import nan_median
-from mocapclean.parameters import STRICT
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding
 
 AFTER_OTHERS = True
 _RATE = 120.0  # Hz, frame rate that the threshold is given for, as in Wang et al. 2016
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of trust data detection."""
 
@@ -154,6 +151,8 @@ def _readmitted(path: Floats, chain: Bools, valid: Bools, distance: float) -> Bo
     doubted = doubted[(doubted > frames[0]) & (doubted < frames[-1])]
     trusted = chain.copy()
     if len(frames) > 1 and doubted.size:
+        from scipy.interpolate import PchipInterpolator  # few takes need a curve
+
         curve = PchipInterpolator(frames, path[frames], axis=0)(doubted)
         trusted[doubted] = np.linalg.norm(path[doubted] - curve, axis=1) <= distance
     return trusted

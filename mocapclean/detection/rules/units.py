@@ -11,13 +11,12 @@ from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import evenly_spaced
 from mocapclean.detection.evidence import FARTHEST, Evidence
 from mocapclean.detection.rule import Level, Ruling, Switch, duration, findings
-from mocapclean.parameters import STRICT
+from mocapclean.numerics.robust import median, quantile
+from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
 # Chosen by hand; no sweep was kept.
@@ -27,7 +26,7 @@ _BODY_SIZE = 300.0  # mm, typical size of a body: the message compares the take 
 _SPEED_SHARE = 0.99  # quantile of the speeds that is the speed of a take
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params(Switch):
     """The parameters of the rule."""
 
@@ -69,11 +68,11 @@ def _size(take: Take) -> float | None:
     # Distances of each marker, sorted with itself first: column M/4 is the marker a quarter of all markers away.
     distances = np.sort(np.linalg.norm(known[:, :, None] - known[:, None], axis=3), axis=2)[..., n_markers // 4]
     distances = distances[np.isfinite(distances)]
-    return float(np.median(distances)) if distances.size and np.median(distances) > 0 else None
+    return median(distances) if distances.size and median(distances) > 0 else None
 
 
 def _speed(take: Take) -> float | None:
     """Return the speed of the take, mm/s; None if no marker is trusted in two consecutive frames."""
     both = take.trusted[1:] & take.trusted[:-1]
     steps = np.linalg.norm(np.diff(take.positions, axis=0), axis=2)[both]
-    return float(np.quantile(steps, _SPEED_SHARE) * take.rate) if steps.size else None
+    return quantile(steps, _SPEED_SHARE) * take.rate if steps.size else None

@@ -19,17 +19,12 @@ from mocapclean.formats.c3d.point_kinds import MOVES_ALONE, kinds_by_name
 from mocapclean.formats.c3d.points import frame_rate, millimetres_per_unit, named_markers, point_names, step
 from mocapclean.formats.c3d.selection import as_columns, select_markers
 from mocapclean.formats.c3d.words import INTEL, Words
-from mocapclean.formats.contract import Declaration
 from mocapclean.take import Origin, ReadOptions, Take
 
-__all__ = ["DECLARATION", "C3dDocument", "create", "outdated", "prove", "read", "sniff", "write"]
+__all__ = ["C3dDocument", "create", "outdated", "prove", "read", "sniff", "write"]
 
 MOST_NAME_BYTES = 255
 """The longest label: the length of a parameter's text is one byte."""
-
-DECLARATION = Declaration(
-    suffixes=(".c3d",), columns="markers", stores="positions", marks_missing=True, lists_points=True
-)
 
 
 def sniff(head: bytes) -> bool:

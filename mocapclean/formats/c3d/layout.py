@@ -31,6 +31,7 @@ from mocapclean.formats.c3d.header import (
     Header,
 )
 from mocapclean.formats.c3d.words import Words
+from mocapclean.numerics.robust import median
 from mocapclean.take import Finding
 
 HEADER = "the header"
@@ -406,7 +407,7 @@ def _roughness(path: Path, layout: Layout) -> float:
     known: Bools = np.isfinite(coordinates).all(axis=2) & (coordinates != 0).any(axis=2)
     with np.errstate(invalid="ignore"):
         changes = np.abs(np.diff(coordinates, axis=0))[known[1:] & known[:-1]]
-    return float(np.median(changes)) if changes.size else 0.0
+    return median(changes) if changes.size else 0.0
 
 
 def _refuse(path: Path, header: Header, unsettled: Sequence[Quantity]) -> NoReturn:

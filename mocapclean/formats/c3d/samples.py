@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
 from mocapclean.formats.c3d.document import RESIDUAL, C3dDocument
 from mocapclean.formats.c3d.words import located
+from mocapclean.numerics.robust import quantile
 from mocapclean.take import Finding
 
 LEAST_REPEATS = 5
@@ -105,13 +106,15 @@ def _marks(positions: Floats, trusted: Bools) -> NDArray[np.float64]:
         return np.zeros(0)
     some = evenly_spaced(len(trusted), TRIED_FRAMES)
     reach = np.abs(positions[some]).max(axis=2)[trusted[some]]
-    least = TIMES_FARTHER * float(np.quantile(reach, USUAL)) if reach.size else 0.0
+    least = TIMES_FARTHER * quantile(reach, USUAL) if reach.size else 0.0
     if max(positions.max(), -positions.min()) < least:
         return np.zeros(0)
     # Of the samples that are far, those with a coordinate that repeats are marks if they are far from the others.
     is_far = np.zeros_like(trusted)
     for axis in range(3):
         is_far |= trusted & ((positions[..., axis] >= least) | (positions[..., axis] <= -least))
+    if not is_far.any():
+        return np.zeros(0)
     far = np.abs(positions[is_far])
     triples = far[(far == far[:, :1]).all(axis=1), 0]
     beyond = _repeated(far[far >= BEYOND_ANY_VOLUME])

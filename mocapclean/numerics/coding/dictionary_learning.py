@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.numerics.coding.sparse_coding import batch_omp
@@ -87,10 +87,10 @@ def _replace_idle(atoms: Floats, signals: Floats, chosen: Ints, values: Floats, 
         atoms[idle] = normalised(signals[drawn])
 
 
-def sparse_codes(chosen: Ints, values: Floats, n_atoms: int) -> csr_array:
+def sparse_codes(chosen: Ints, values: Floats, n_atoms: int) -> "scipy.sparse.csr_array":
     """Return the codes (N, K) with values (N, T) at the chosen (N, T) atoms, as a sparse matrix."""
     begin = np.arange(0, chosen.size + 1, chosen.shape[1])
-    return csr_array((values.ravel(), chosen.ravel(), begin), shape=(len(chosen), n_atoms))
+    return scipy.sparse.csr_array((values.ravel(), chosen.ravel(), begin), shape=(len(chosen), n_atoms))
 
 
 def learn_with_hidden_entries(
@@ -117,7 +117,9 @@ def learn_with_hidden_entries(
     return np.asarray(learned / np.maximum(np.linalg.norm(learned, axis=1, keepdims=True), 1.0))
 
 
-def _codes_of_observed(atoms: Floats, signals: Floats, hidden: Bools, pattern: Ints, n_nonzero: int) -> csr_array:
+def _codes_of_observed(
+    atoms: Floats, signals: Floats, hidden: Bools, pattern: Ints, n_nonzero: int
+) -> "scipy.sparse.csr_array":
     """Return the codes (N, K) of signals by the entries that their patterns do not hide."""
     n_used = min(n_nonzero, len(atoms))
     chosen, values = np.zeros((len(signals), n_used), dtype=np.intp), np.zeros((len(signals), n_used))

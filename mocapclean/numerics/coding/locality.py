@@ -1,7 +1,7 @@
 """Locality-constrained linear coding of vectors with unobserved entries."""
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+import scipy
 
 from mocapclean.arrays import Bools, Floats
 
@@ -18,7 +18,7 @@ def affine_weights(covariance: Floats, ridge: Floats) -> Floats:
     system = covariance.copy()
     diagonal = np.diag_indices(len(system))
     system[diagonal] += ridge + _RIDGE * np.trace(system) / len(system) + np.finfo(float).tiny
-    _, weights, failed = dposv(system, np.ones(len(system)), lower=1)
+    _, weights, failed = scipy.linalg.lapack.dposv(system, np.ones(len(system)), lower=1)
     if failed:
         weights = np.linalg.lstsq(system, np.ones(len(system)), rcond=None)[0]
     normalised: Floats = weights / weights.sum()

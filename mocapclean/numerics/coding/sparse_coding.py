@@ -1,7 +1,7 @@
 """Codes with few atoms: Batch-OMP, and the lasso by feature-sign search."""
 
 import numpy as np
-from scipy.linalg.lapack import dposv
+import scipy
 
 from mocapclean.arrays import Bools, Floats, Ints
 
@@ -120,7 +120,7 @@ def _line_search(gram: Floats, products: Floats, penalty: float, codes: Floats, 
 
     Candidates are that minimum and the points of the line where a code changes its sign.
     """
-    _, minimum, failed = dposv(gram, products - penalty * signs, lower=1)
+    _, minimum, failed = scipy.linalg.lapack.dposv(gram, products - penalty * signs, lower=1)
     direction = (np.linalg.lstsq(gram, products - penalty * signs, rcond=None)[0] if failed else minimum) - codes
     turning = np.flatnonzero((codes != 0.0) & (codes * (codes + direction) < 0.0))
     if not turning.size:

@@ -5,7 +5,7 @@ in the last row but one of the square D² of I. Imamura, M. Okuda (2018).
 """
 
 import numpy as np
-from scipy.linalg.lapack import dpbtrf, dpbtrs
+import scipy
 
 from mocapclean.arrays import Bools, Floats
 
@@ -80,7 +80,7 @@ class FreeSystem:
             gap = np.where(markers[k:] == markers[:-k], frames[k:] - frames[:-k], 3)[: len(frames)]
             near = np.flatnonzero(gap <= 2)
             packed[k, near] = bands[gap[near], frames[near]]
-        self._factor, failed = dpbtrf(packed, lower=1)
+        self._factor, failed = scipy.linalg.lapack.dpbtrf(packed, lower=1)
         if failed:
             raise np.linalg.LinAlgError("The banded matrix must be positive definite.")
 
@@ -88,5 +88,5 @@ class FreeSystem:
         """Return the solution (N, d) of the system for right-hand sides (N, d) in the order of ``places``."""
         if not len(packed):
             return packed
-        solution: Floats = dpbtrs(self._factor, packed, lower=1)[0]
+        solution: Floats = scipy.linalg.lapack.dpbtrs(self._factor, packed, lower=1)[0]
         return solution

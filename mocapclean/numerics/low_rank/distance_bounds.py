@@ -1,7 +1,7 @@
 """Upper bounds on the distances between pairs of samples of a matrix."""
 
 import numpy as np
-from scipy.sparse import csr_array
+import scipy
 
 from mocapclean.arrays import Bools, Floats, Ints
 
@@ -19,7 +19,7 @@ class DistanceBounds:
         self.lengths = lengths
         rows, ones = np.arange(len(lengths)), np.ones(len(lengths))
         entries = np.concatenate([ones, -ones]), (np.tile(rows, 2), np.concatenate([first, second]))
-        self._difference = csr_array(entries, shape=(len(lengths), n_samples))
+        self._difference = scipy.sparse.csr_array(entries, shape=(len(lengths), n_samples))
         self._adjoint = self._difference.T.tocsr()
 
     def differences(self, matrix: Floats) -> Floats:
@@ -52,9 +52,9 @@ class DistanceBounds:
             x += image
         return bound
 
-    def columns(self, samples: Ints) -> csr_array:
+    def columns(self, samples: Ints) -> "scipy.sparse.csr_array":
         """Return the columns (N, U) of C for samples (U,)."""
-        return csr_array(self._difference[:, samples])
+        return scipy.sparse.csr_array(self._difference[:, samples])
 
 
 def no_bounds(n_samples: int) -> DistanceBounds:

@@ -14,8 +14,7 @@ minimum for every t; then (v − X) / t and (w − e) / t are the multipliers. A
 """
 
 import numpy as np
-from scipy.sparse import eye_array
-from scipy.sparse.linalg import splu
+import scipy
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics.low_rank.anderson_acceleration import AndersonAcceleration
@@ -41,7 +40,10 @@ class FeasiblePairs:
         self._free_columns = bounds.columns(self.unknown)
         self._adjoint = self._free_columns.T.tocsr()
         n_unknown = len(self.unknown)
-        self._system = splu((eye_array(n_unknown) + self._adjoint @ self._free_columns).tocsc()) if n_unknown else None
+        self._system = None
+        if n_unknown:
+            identity = scipy.sparse.eye_array(n_unknown)
+            self._system = scipy.sparse.linalg.splu((identity + self._adjoint @ self._free_columns).tocsc())
 
     def nearest(self, matrix: Floats, vectors: Floats) -> tuple[Floats, Floats]:
         """Return Z (F, n) and C z (N, 3) nearest to a matrix (F, n) and vectors (N, 3), by least squares."""

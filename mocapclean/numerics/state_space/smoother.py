@@ -24,7 +24,7 @@ addition h costs O(n H) for each frame, and G O(n H²) for each distinct set of 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs, dtrtrs
+import scipy
 
 from mocapclean.arrays import Bools, Floats, Ints
 
@@ -179,27 +179,27 @@ def _filtered_covariances(
     counts: list[int] = []
     diagonal = slice(None, None, n_states + 1)
     predicted = dynamics.start_covariance
-    lower = dpotrf(predicted, lower=1)[0]
+    lower = scipy.linalg.lapack.dpotrf(predicted, lower=1)[0]
     for start, stop in _constant_runs(measurements.index):
         information, frame = measurements.information[measurements.index[start]], start
         while frame < stop:
             # S = I + Lᵀ G L = R Rᵀ
             scaled = lower.T.dot(information.dot(lower))
             scaled.ravel()[diagonal] += 1.0
-            factor = dpotrf(scaled.T, lower=1, clean=0, overwrite_a=1)[0]
+            factor = scipy.linalg.lapack.dpotrf(scaled.T, lower=1, clean=0, overwrite_a=1)[0]
             # K = L R⁻ᵀ, the root of V = L S⁻¹ Lᵀ
-            root = dtrtrs(factor, lower.T, lower=1)[0].T
+            root = scipy.linalg.lapack.dtrtrs(factor, lower.T, lower=1)[0].T
             # P_{t+1} = A K (A K)ᵀ + Q = L Lᵀ
             moved = transition.dot(root)
             following = moved.dot(moved.T)
             following += process
-            lower = dpotrf(following, lower=1)[0]
+            lower = scipy.linalg.lapack.dpotrf(following, lower=1)[0]
             # The steady state serves all frames that are left of the run.
             tested = frame > start and frame % STEADY_TEST_INTERVAL == 0
             last = stop if tested and _is_steady(following, predicted) else frame + 1
             index[frame:last] = len(roots)
             roots.append(root)
-            gain_factors.append(dpotrs(lower, moved, lower=1)[0])
+            gain_factors.append(scipy.linalg.lapack.dpotrs(lower, moved, lower=1)[0])
             diagonals.append(factor.diagonal())
             counts.append(last - frame)
             predicted, frame = following, last

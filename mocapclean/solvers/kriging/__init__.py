@@ -30,11 +30,9 @@ and O(q³) for 24 ridge systems in each predictor. Only the search for windows g
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass
 
 from mocapclean.arrays import Bools
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.kriging.passes import fill_in_passes
 from mocapclean.solvers.kriging.take_state import TakeState
 from mocapclean.solvers.method import Traits
@@ -46,10 +44,10 @@ REFERENCE = (
 )
 
 
-TRAITS = Traits(error_bars=True, gap_by_gap=True, auto_place=1, self_checked=True, idle_facts={"passes": 0})
+TRAITS = Traits(error_bars=True, gap_by_gap=True, self_checked=True, idle_facts={"passes": 0})
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The parameters of the method: how much data a gap is learnt from, and which distances count as rigid."""
 

@@ -6,10 +6,10 @@ A. E. Hoerl, R. W. Kennard, 1970, doi:10.1080/00401706.1970.10488634.
 """
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from mocapclean.arrays import Floats
 
+LEAST_UNIT = 1e-200  # below it all features are 0 but for underflow; keeps the systems regular
 N_COORDINATES = 3.0  # of a neighbour: s is the mean, over neighbours, of the sum of squares of their coordinates
 
 
@@ -19,17 +19,14 @@ def penalty_units(grams: Floats, n_features: Floats | float) -> Floats:
     n_features: (G,), or one number: the features that are not 0 throughout, where fewer than p of them are in use.
     """
     units = N_COORDINATES * np.einsum("gpp->g", grams) / n_features
-    return np.where(units > 0.0, units, 1.0)
+    return np.where(units > LEAST_UNIT, units, 1.0)
 
 
 def ridge_weights(grams: Floats, crosses: Floats, penalties: Floats) -> Floats:
     """Return the weights W (G, λ, p, 3) for matrices AᵀA (G, p, p), AᵀY (G, p, 3) and penalties λ s (G, λ)."""
+    # A Cholesky solver would take 0.7 of the time, and loading SciPy for it as long as 5,000 solutions.
     systems = grams[:, None] + penalties[..., None, None] * np.eye(grams.shape[1])
-    weights = np.empty((*penalties.shape, *crosses.shape[1:]))
-    for of_one, right, solved in zip(systems, crosses, weights, strict=True):
-        for k, system in enumerate(of_one):
-            solved[k] = dposv(system.T, right, overwrite_a=True)[1]
-    return weights
+    return np.asarray(np.linalg.solve(systems, crosses[:, None]), dtype=np.float64)
 
 
 def ridge_prediction(features: Floats, target: Floats, n_training: int, penalty: float) -> Floats:

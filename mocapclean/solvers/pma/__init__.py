@@ -47,7 +47,7 @@ REFERENCE = (
     "constraints and model averaging, doi:10.1371/journal.pone.0199744"
 )
 
-TRAITS = Traits(auto_place=3)
+TRAITS = Traits()
 
 
 def solve(take: Take, params: Params, fillable: Bools) -> Solution:

@@ -1,7 +1,7 @@
 """The gaps of a take, filled marker by marker with the average of the predictors."""
 
 import numpy as np
-from scipy.linalg import lstsq
+import scipy
 
 from mocapclean.arrays import Bools, Floats, evenly_spaced, runs
 from mocapclean.geometry.distances import mean_distances
@@ -113,7 +113,9 @@ class GapFiller:
         frames = frames[evenly_spaced(len(frames), _LINEAR_FRAMES)]
         features, values = self.local[frames][:, predictors].reshape(len(frames), -1), self.local[frames, gap.marker]
         middle, centre = features.mean(axis=0), values.mean(axis=0)
-        slopes = lstsq(features - middle, values - centre, cond=ROUNDING, lapack_driver="gelsy", check_finite=False)[0]
+        slopes = scipy.linalg.lstsq(
+            features - middle, values - centre, cond=ROUNDING, lapack_driver="gelsy", check_finite=False
+        )[0]
         path = centre + (self.local[gap.span][:, predictors].reshape(-1, 3 * len(predictors)) - middle) @ slopes
         return gap.meeting(path, self.local[gap.span, gap.marker])
 

@@ -2,15 +2,12 @@
 
 from typing import Annotated, Literal
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass
-
-from mocapclean.parameters import STRICT, About
+from mocapclean.parameters import About, Field, parameters
 
 Predictor = Literal["local", "polynomial", "kernel", "linear", "pca"]
 
 
-@dataclass(frozen=True, kw_only=True, config=STRICT)
+@parameters
 class Params:
     """The predictors that are averaged, and their parameters."""
 

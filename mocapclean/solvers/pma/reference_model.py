@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.linalg import lstsq
+import scipy
 
 from mocapclean.arrays import Bools, Floats, evenly_spaced
 from mocapclean.solvers.pma.kernels import kernel_regression, likelihood
@@ -45,7 +45,9 @@ class ReferenceModel:
         self.linear, self.quadratic = Standardiser(shape, size), Standardiser(_products(shape), size**2)
         self.features, self.targets = self.linear.scale(shape), (place - self.centre) / self.scale
         design = _with_constant(self.quadratic.scale(_products(shape)))
-        self.slopes = lstsq(design, self.targets, cond=ROUNDING, lapack_driver="gelsy", check_finite=False)[0]
+        self.slopes = scipy.linalg.lstsq(
+            design, self.targets, cond=ROUNDING, lapack_driver="gelsy", check_finite=False
+        )[0]
         # The distances |x − P_k| (n, 3): their percentiles, and the samples of p_k
         distances = np.linalg.norm(local[frames][:, list(references)] - local[frames, marker][:, None], axis=-1)
         self.bounds = np.quantile(distances, _PERCENTILES, axis=0, method="hazen")

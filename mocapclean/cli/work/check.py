@@ -1,0 +1,98 @@
+"""The work of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
+
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import click
+
+from mocapclean.batch.inputs import find
+from mocapclean.batch.pool import JobResults, run
+from mocapclean.cli.guard import complain
+from mocapclean.cli.work.arguments import resolve_settings
+from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
+from mocapclean.config.settings import Settings
+from mocapclean.errors import MocapcleanError, UsageError
+from mocapclean.files import check_output, new_file
+from mocapclean.pipeline.check import CheckTake, unchecked
+from mocapclean.pipeline.outcome import Verdict
+from mocapclean.report.record import checked
+from mocapclean.report.text import verdict
+
+
+def work(
+    places: tuple[Path, ...],
+    junit_file: Path | None,
+    json_file: Path | None,
+    config: Path | None,
+    assignments: tuple[str, ...],
+    **options: Any,
+) -> int:
+    """Check takes against limits, print the verdicts and write them; return the exit code."""
+    settings = resolve_settings(config, assignments, options)
+    takes = _takes(places)
+    _check_outputs(
+        [path for path in (junit_file, json_file) if path], [*takes, *([config] if config else [])], settings
+    )
+    verdicts = dict[Path, Verdict]()
+    with stopping() as stop:
+        limits = worker_limits(settings, alone=len(takes) == 1)
+        one_take_alone(len(takes), limits, quiet=settings.quiet)
+        results: JobResults[Path, Verdict] = run(CheckTake(settings), takes, limits, stop)
+        with contextlib.closing(results):
+            _print_verdicts(results, verdicts, settings, len(takes))
+    if stop.signal:
+        complain(f"Interrupted after {len(verdicts)} of {len(takes)} takes. No file was written.")
+        return 128 + stop.signal
+    in_order = [verdicts[take] for take in takes]
+    _write_files(in_order, junit_file, json_file, settings)
+    n_failed = sum(not each.passes for each in in_order)
+    click.echo(f"{len(in_order) - n_failed} of {len(in_order)} takes pass")
+    return int(n_failed > 0)
+
+
+def _takes(places: tuple[Path, ...]) -> list[Path]:
+    """Return all takes in some files and folders; raise UsageError if there is none."""
+    for place in places:
+        if not place.exists():
+            raise UsageError(f"{place}: the file or folder must exist. It does not.")
+    takes = list(dict.fromkeys(each.path for each in find(places)))
+    if not takes:
+        raise UsageError("the folders must hold at least one take. Got none.")
+    return takes
+
+
+def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) -> None:
+    """Raise UsageError for outputs that would replace an input, each other, or an existing file."""
+    for path in outputs:
+        for source in inputs:
+            check_output(path, source, True)
+        check_output(path, None, settings.overwrite)
+    if len(outputs) == 2 and outputs[0] == outputs[1]:
+        raise UsageError(f"{outputs[0]}: --junit and --json must be different files.")
+
+
+def _print_verdicts(
+    results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, n_takes: int
+) -> None:
+    """Print each verdict when it arrives, and add it to ``verdicts``."""
+    with TakeBar(n_takes, quiet=settings.quiet) as bar:
+        for source, result in results:
+            if isinstance(result, MocapcleanError):
+                result = unchecked(source, "finished", f"{source}: {result}", "raise --timeout or --memory")
+            verdicts[source] = result
+            if not (settings.quiet and result.passes):
+                with bar.aside():
+                    click.echo(verdict(result, verbose=settings.verbose))
+            bar.advance()
+
+
+def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, settings: Settings) -> None:
+    if junit_file:
+        from mocapclean.report.junit import junit  # the XML library is not needed without it
+
+        with new_file(junit_file) as part:
+            part.write_bytes(junit(verdicts))
+    if json_file:
+        with new_file(json_file) as part:
+            part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8")
