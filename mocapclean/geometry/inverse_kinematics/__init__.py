@@ -15,7 +15,7 @@ from mocapclean.geometry.inverse_kinematics.aiming import aim
 from mocapclean.geometry.inverse_kinematics.euler import bridge, rotations_of, smoothest
 from mocapclean.geometry.inverse_kinematics.free_channels import channels_to_reach
 from mocapclean.geometry.inverse_kinematics.least_squares import least_squares
-from mocapclean.geometry.skeleton import Skeleton, influence, move
+from mocapclean.geometry.skeleton import Skeleton, influence, placed
 
 # All numbers below were chosen by hand and no sweep was kept; tests/geometry/test_inverse_kinematics.py holds what
 # they achieve.
@@ -204,7 +204,7 @@ class _Fitting:
 
     def _violations(self, poses: Floats, rows: Ints) -> Floats:
         """Return how far (f, J), in millimetres, these poses move fixed joints; zero within the tolerance."""
-        positions = move(self.skeleton, poses).positions
+        positions = placed(self.skeleton, poses)
         moved = np.linalg.norm(positions - self.targets[rows], axis=2)
         constrained = self.fixed[rows] & (self.free[rows] @ self.places.T)
         return np.where(constrained & (moved > TOLERANCE_SHARE * self.tolerance), moved, 0.0)
