@@ -15,7 +15,7 @@ from mocapclean.formats.text import is_plain, quick_table
 FRAME_LINE = re.compile(rb"(?:\A|[\r\n])[ \t\x0b\x0c]*(\d+)[ \t\x0b\x0c]*(?=[\r\n]|\Z)")
 """A line that holds a whole number alone: a frame begins."""
 LINE_ENDS_TO_SPACES = bytes.maketrans(b"\r\n", b"  ")
-SPACE, LINE_FEED = b" \n"
+SPACE, LINE_FEED, RETURN = b" \n\r"
 CHUNK_BYTES = 1 << 20
 """Bytes of one search for words, so that its masks stay in a processor's cache. Chosen by hand; a quarter of it takes
 the same time."""
@@ -81,11 +81,11 @@ def _word_starts(block: bytes) -> Ints:
 
 def _begin_all_lines(block: bytes, leads: Ints) -> bool:
     """Whether the words at these bytes (F, n) begin the lines, and no other line is there, not even a blank one."""
-    returns = block.count(b"\r")
-    if returns and returns != block.count(b"\r\n"):
+    codes = np.frombuffer(block, np.uint8)
+    if b"\r" in block and np.any((codes[:-1] == RETURN) & (codes[1:] != LINE_FEED)):
         return False
-    before = np.frombuffer(block, np.uint8)[leads.reshape(-1)[1:] - 1]
-    return block.count(b"\n") == len(before) and bool((before == LINE_FEED).all())
+    before = codes[leads.reshape(-1)[1:] - 1]
+    return np.count_nonzero(codes == LINE_FEED) == len(before) and bool((before == LINE_FEED).all())
 
 
 def _spell(block: bytes, starts: Ints, names: list[bytes]) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapclean.arrays import Floats, Ints
-from mocapclean.errors import FormatError, UsageError
+from mocapclean.errors import FormatError
 from mocapclean.formats import asf as skeletons
 from mocapclean.formats import poses as kept
 from mocapclean.formats.alike import MOST_DIGITS, frames_alike
@@ -43,7 +43,7 @@ DECLARATION = Declaration(
 
 Words = list[bytes]
 
-write = kept.write
+write, prove = kept.write, kept.prove
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,14 +86,6 @@ def read(path: Path, options: ReadOptions) -> Take:
         ),
         origin=Origin(path=path, format="amc", options=options, document=document),
     )
-
-
-def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
-    document = kept.kept_document(take)
-    if not isinstance(document, AmcDocument):
-        raise UsageError(f"{path}: a take must come from an AMC file to be proven as one. Got another.")
-    kept.prove(take, path, lambda raw: _parse(path, raw, document.asf, "its skeleton"))
 
 
 def create(take: Take, path: Path) -> None:

@@ -55,7 +55,7 @@ CHANNEL = re.compile(rb"([XYZ])(position|rotation)", re.IGNORECASE)
 END_SITE = -2
 """Stands for an End Site among indices of joints; -1 is the parent of a root."""
 
-write = kept.write
+write, prove = kept.write, kept.prove
 
 
 def sniff(head: bytes) -> bool:
@@ -90,12 +90,6 @@ def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
     raw = load(path)
     motion = MOTION.search(raw)
     return _Hierarchy(path, raw[: motion.start()] if motion else raw).skeleton(_unit(ReadOptions(unit=unit)))
-
-
-def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
-    unit = _unit(take.origin.options if take.origin else ReadOptions())
-    kept.prove(take, path, lambda raw: _parse(path, raw, _motion(path, raw), unit))
 
 
 def create(take: Take, path: Path) -> None:

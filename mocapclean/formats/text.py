@@ -18,6 +18,8 @@ QUOTED_CHARACTERS = 40
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 TOKEN = re.compile(rb"\S+")
+WORD = re.compile(rb"[^\s,()#]+")
+"""A token of a text that is not blanked."""
 NUMBER = re.compile(rb"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan)", re.IGNORECASE)
 COMMENT = re.compile(rb"#[^\r\n]*")
 PLAIN = bytes([*range(ord("!"), ord("~") + 1), *b" \t\n\r\x0b\x0c"])
@@ -43,7 +45,11 @@ def blank(raw: bytes) -> bytes:
     """
     text = raw.translate(SEPARATORS_TO_SPACES) if any(mark in raw for mark in (b",", b"(", b")")) else raw
     text = b"   " + text[3:] if text.startswith(BYTE_ORDER_MARK) else text
-    return COMMENT.sub(lambda match: b" " * len(match[0]), text) if b"#" in text else text
+    # Comments end at the line of the last mark; in most files that is the header.
+    end = text.rfind(b"#") + 1
+    rest = COMMENT.match(text, end - 1)
+    end = rest.end() if rest else 0
+    return COMMENT.sub(lambda match: b" " * len(match[0]), text[:end]) + text[end:] if end else text
 
 
 def line_at(raw: bytes, byte: int) -> int:
@@ -67,11 +73,15 @@ def quote(token: bytes) -> str:
 
 def number(path: Path, token: bytes, line: int) -> float:
     """Return the value of a number, NaN allowed; raise FormatError if the token is no number or too large."""
-    value = float(token) if NUMBER.fullmatch(token) else np.inf
-    if abs(value) > LARGEST_NUMBER:
+    if not is_number(token):
         message = f"a number must be decimal and at most {LARGEST_NUMBER:g}. Got {quote(token)}."
         raise FormatError(path, message, line=line)
-    return value
+    return float(token)
+
+
+def is_number(token: bytes) -> bool:
+    """Whether a token is a decimal number that is not too large, or NaN."""
+    return NUMBER.fullmatch(token) is not None and not abs(float(token)) > LARGEST_NUMBER
 
 
 def numbers(path: Path, rows: Sequence[Sequence[bytes]], lines: Sequence[int]) -> Floats:
@@ -106,7 +116,9 @@ def quick_table(rows: Sequence[bytes], columns: Sequence[int] | None = None) -> 
         table: Floats = np.loadtxt(rows, comments=None, ndmin=2, usecols=columns)
     except ValueError:
         return None
-    return None if (np.abs(table) > LARGEST_NUMBER).any() else table
+    # NaN compares as false; only where there is one are all numbers compared one by one.
+    small = table.min() >= -LARGEST_NUMBER and table.max() <= LARGEST_NUMBER
+    return table if small or not (np.abs(table) > LARGEST_NUMBER).any() else None
 
 
 def finite(path: Path, tokens: Sequence[bytes], count: int, what: str, line: int) -> list[float]:
