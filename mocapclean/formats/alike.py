@@ -15,7 +15,7 @@ from mocapclean.formats.text import is_plain, quick_table
 FRAME_LINE = re.compile(rb"(?:\A|[\r\n])[ \t\x0b\x0c]*(\d+)[ \t\x0b\x0c]*(?=[\r\n]|\Z)")
 """A line that holds a whole number alone: a frame begins."""
 LINE_ENDS_TO_SPACES = bytes.maketrans(b"\r\n", b"  ")
-SPACE, LINE_FEED, RETURN = b" \n\r"
+SPACE, LINE_FEED = b" \n"
 CHUNK_BYTES = 1 << 20
 """Bytes of one search for words, so that its masks stay in a processor's cache. Chosen by hand; a quarter of it takes
 the same time."""
@@ -46,7 +46,7 @@ def frames_alike(text: bytes) -> Alike | None:
     if not first or text[: first.start(1)][-1:] not in (b"", b"\r", b"\n"):
         return None
     begin, second = first.start(1), FRAME_LINE.search(text, first.end())
-    block = text[begin : len(text.rstrip())]
+    block = text[begin : _end(text)]
     lines = [line.split() for line in text[begin : second.start() if second else None].splitlines() if line.strip()]
     names, widths = [words[0] for words in lines[1:]], [len(words) - 1 for words in lines[1:]]
     n_words = sum(map(len, lines))
@@ -69,6 +69,14 @@ def frames_alike(text: bytes) -> Alike | None:
     return Alike(names=names, widths=widths, starts=words[:, 0] + begin, first_frame=first_frame, table=table)
 
 
+def _end(text: bytes) -> int:
+    """Return the number of bytes of a text without white space at its end; the text has a word."""
+    end = len(text)
+    while text[end - 1 : end].isspace():
+        end -= 1
+    return end
+
+
 def _word_starts(block: bytes) -> Ints:
     """Return the bytes at which the words of a text begin; its first byte begins one."""
     codes = np.frombuffer(block, np.uint8)
@@ -82,10 +90,13 @@ def _word_starts(block: bytes) -> Ints:
 def _begin_all_lines(block: bytes, leads: Ints) -> bool:
     """Whether the words at these bytes (F, n) begin the lines, and no other line is there, not even a blank one."""
     codes = np.frombuffer(block, np.uint8)
-    if b"\r" in block and np.any((codes[:-1] == RETURN) & (codes[1:] != LINE_FEED)):
+    if b"\r" in block and block.count(b"\r") != block.count(b"\r\n"):
         return False
     before = codes[leads.reshape(-1)[1:] - 1]
-    return np.count_nonzero(codes == LINE_FEED) == len(before) and bool((before == LINE_FEED).all())
+    if not (before == LINE_FEED).all():
+        return False
+    parts = range(0, len(codes), CHUNK_BYTES)
+    return sum(np.count_nonzero(codes[at : at + CHUNK_BYTES] == LINE_FEED) for at in parts) == len(before)
 
 
 def _spell(block: bytes, starts: Ints, names: list[bytes]) -> bool:

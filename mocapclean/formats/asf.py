@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError, UsageError
@@ -151,6 +150,8 @@ def _spell(values: Floats) -> str:
 
 def _axis_angles(skeleton: Skeleton, joint: int) -> str:
     """Return the angles of a joint's C about the fixed axes x, y and z, in degrees."""
+    from scipy.spatial.transform import Rotation  # takes long to import, and only new files need it
+
     return _spell(Rotation.from_matrix(skeleton.frames[joint]).as_euler("xyz", degrees=True))
 
 

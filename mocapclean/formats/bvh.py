@@ -220,9 +220,10 @@ def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> PoseDocument
     skeleton = _Hierarchy(path, raw[: motion.start]).skeleton(unit)
     scale = _scale(skeleton, unit)
     n_channels, first = len(scale), line_at(raw, motion.rows)
-    lines = raw[motion.rows :].splitlines(keepends=True)
+    text = raw[motion.rows :]
+    lines = text.splitlines(keepends=True)
     rows = [index for index, line in enumerate(lines) if not line.isspace()]
-    table = quick_table([lines[index] for index in rows]) if rows and is_plain(raw[motion.rows :]) else None
+    table = quick_table([lines[index] for index in rows]) if rows and is_plain(text) else None
     if table is None or table.shape != (motion.frames, n_channels):
         table = _table(path, lines, first, motion.frames, n_channels)
     table *= scale

@@ -33,7 +33,7 @@ def load(path: Path) -> bytes:
         raw = path.read_bytes()
     except OSError as error:
         raise FormatError(path, f"the file must be readable. Got {error.strerror}.") from error
-    if not raw.strip():
+    if not raw or raw.isspace():
         raise FormatError(path, "the file must not be empty. Got no text in it.")
     return raw
 

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats import bvh, fitting
+from mocapclean.formats import bvh
 from mocapclean.formats.fitting import fit_poses
+from mocapclean.geometry import inverse_kinematics
 from mocapclean.geometry.inverse_kinematics import FittedPoses
 from mocapclean.geometry.skeleton import Channel, Skeleton, forward
 from mocapclean.take import ReadOptions, Take
@@ -350,7 +351,7 @@ def test_joint_that_cannot_be_fitted_is_left_and_reported(
         new = found + moved * wanted.any(axis=1, keepdims=True) * (np.arange(found.shape[1]) == 0)
         return FittedPoses(poses=new, changed=new != found, fitted=wanted & (moved > 0))
 
-    monkeypatch.setattr(fitting, "fit", unfit)
+    monkeypatch.setattr(inverse_kinematics, "fit", unfit)
     take = filling(load(small), "Left Leg", slice(1, 3), 30.0)
     out = tmp_path / "out.bvh"
     written = fit_and_write(take, out)
