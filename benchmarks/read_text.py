@@ -1,11 +1,11 @@
 """Processor seconds to read, write and repair BVH and AMC takes, and their ratios to a plain parse of the same numbers.
 
-python benchmarks/read_text.py [FILE ...] [--frames N]. Each file, else the figure's walk of the sample data, is repeated
-back and forth to N frames, else to 72,000: ten minutes at 120 Hz. The plain parse is NumPy's of the words of the
-motion, ``np.array(words.split(), dtype=float)``; of an AMC the names were taken out before, so that it has numbers alone.
-Reading is all of ``formats.read``, forward kinematics included; writing is all of ``formats.write``, the proof included;
-the repair has ten gaps of a second, in ten joints, filled with their own positions, and the fit of joint angles.
-Each time is the best of five.
+python benchmarks/read_text.py [FILE ...] [--frames N]. Each file, else the figure's walk of the sample data, is
+repeated back and forth to N frames, else to 72,000: ten minutes at 120 Hz. The plain parse is NumPy's of the words of
+the motion, ``np.array(words.split(), dtype=float)``. Of an AMC the names were taken out before, so that the parse has
+numbers alone. Reading is all of ``formats.read``, forward kinematics included. Writing is all of ``formats.write``, the
+proof included. The repair has ten gaps of a second in ten joints, filled with their own positions; joint angles are
+fitted. Each time is the best of five.
 """
 
 import argparse
@@ -73,7 +73,8 @@ def repaired(take: Take) -> Take:
 
 def main(paths: list[Path], n_frames: int) -> None:
     print(
-        f"{'file':36} {'MB':>4} {'plain':>6} {'read':>11} {'write':>11} {'repair':>11} {'read+write':>11} {'read+repair':>11}"
+        f"{'file':36} {'MB':>4} {'plain':>6} {'read':>11} {'write':>11} {'repair':>11} {'read, write':>11} "
+        f"{'read, repair':>12}"
     )
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

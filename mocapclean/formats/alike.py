@@ -9,13 +9,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from mocapclean.arrays import Floats, Ints
-from mocapclean.formats.text import is_plain, quick_table
+from mocapclean.arrays import Ints
+from mocapclean.formats.text import is_plain
 
 FRAME_LINE = re.compile(rb"(?:\A|[\r\n])[ \t\x0b\x0c]*(\d+)[ \t\x0b\x0c]*(?=[\r\n]|\Z)")
 """A line that holds a whole number alone: a frame begins."""
 LINE_ENDS_TO_SPACES = bytes.maketrans(b"\r\n", b"  ")
-SPACE, LINE_FEED = b" \n"
+SPACE, LINE_FEED, RETURN = b" \n\r"
 CHUNK_BYTES = 1 << 20
 """Bytes of one search for words, so that its masks stay in a processor's cache. Chosen by hand; a quarter of it takes
 the same time."""
@@ -30,14 +30,15 @@ class Alike:
     """Frames that are alike.
 
     names: the first words of a frame's lines after its number. widths: the numbers after each. starts: (F,) bytes at
-    which the frames begin. first_frame: the number of the first. table: (F, C) the numbers in the order of the text.
+    which the frames begin. first_frame: the number of the first. rows: the frames' texts, each in one line, all of as
+    many words.
     """
 
     names: list[bytes]
     widths: list[int]
     starts: Ints
     first_frame: int
-    table: Floats
+    rows: list[bytes]
 
 
 def frames_alike(text: bytes) -> Alike | None:
@@ -63,10 +64,7 @@ def frames_alike(text: bytes) -> Alike | None:
         return None
     flat, bounds = block.translate(LINE_ENDS_TO_SPACES), [*words[:, 0].tolist(), len(block)]
     rows = [flat[start:stop] for start, stop in pairwise(bounds)]
-    table = quick_table(rows, np.setdiff1d(np.arange(n_words), leads).tolist())
-    if table is None:
-        return None
-    return Alike(names=names, widths=widths, starts=words[:, 0] + begin, first_frame=first_frame, table=table)
+    return Alike(names=names, widths=widths, starts=words[:, 0] + begin, first_frame=first_frame, rows=rows)
 
 
 def _end(text: bytes) -> int:
@@ -90,13 +88,17 @@ def _word_starts(block: bytes) -> Ints:
 def _begin_all_lines(block: bytes, leads: Ints) -> bool:
     """Whether the words at these bytes (F, n) begin the lines, and no other line is there, not even a blank one."""
     codes = np.frombuffer(block, np.uint8)
-    if b"\r" in block and block.count(b"\r") != block.count(b"\r\n"):
-        return False
     before = codes[leads.reshape(-1)[1:] - 1]
     if not (before == LINE_FEED).all():
         return False
-    parts = range(0, len(codes), CHUNK_BYTES)
-    return sum(np.count_nonzero(codes[at : at + CHUNK_BYTES] == LINE_FEED) for at in parts) == len(before)
+    n_lines, returns = 1, b"\r" in block
+    for at in range(0, len(codes), CHUNK_BYTES):
+        feeds = codes[at : at + CHUNK_BYTES + 1] == LINE_FEED
+        n_lines += np.count_nonzero(feeds[:CHUNK_BYTES])
+        # A carriage return counts as a line of its own unless a line feed follows.
+        if returns and ((codes[at : at + CHUNK_BYTES + 1][:-1] == RETURN) & ~feeds[1:]).any():
+            return False
+    return n_lines == leads.size
 
 
 def _spell(block: bytes, starts: Ints, names: list[bytes]) -> bool:

@@ -22,7 +22,7 @@ from mocapclean.formats.contract import Declaration
 from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.skeleton_files import find_skeleton
-from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quote
+from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quick_table, quote
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 from mocapclean.take.posed import posed_take
@@ -157,10 +157,13 @@ def _alike(path: Path, text: bytes, asf: Asf, layouts: "_Layouts") -> _Frames | 
     header = [line.split() for line in text[: alike.starts[0]].splitlines()]
     degrees = _degrees(path, [words[0] if words else b"" for words in header], asf.degrees)
     layout = layouts.of(alike.names, alike.widths, len(header) + 2)
+    table = quick_table(alike.rows, layout.places.tolist())
+    if table is None:
+        return None
     return _Frames(
-        table=alike.table[:, layout.order],
+        table=table,
         starts=alike.starts,
-        places=np.broadcast_to(layout.places, alike.table.shape),
+        places=np.broadcast_to(layout.places, table.shape),
         first=alike.first_frame,
         degrees=degrees,
     )

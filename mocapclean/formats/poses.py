@@ -158,14 +158,18 @@ class _Comparison:
 
     def _read(self, frame: int, pose: Floats) -> None:
         """Pass the block of a repaired frame, and set in a pose (C,) the channels that are spelled differently."""
-        start, channels = self.old, dict(zip(self.kept.places[frame].tolist(), range(len(pose)), strict=True))
+        channels = dict(zip(self.kept.places[frame].tolist(), range(len(pose)), strict=True))
+        start, ahead = self.old, self.new - self.old
         for place, match in enumerate(TOKEN.finditer(blank(self.kept.block(frame)))):
-            # White space and comments before the token
-            self._equal(start + match.start())
-            channel, spelled = channels.get(place), WORD.match(self.raw, self.new)
-            if channel is not None and spelled and spelled[0] != match[0] and is_number(spelled[0]):
+            if (channel := channels.get(place)) is None:
+                continue
+            at = start + match.start()
+            spelled = WORD.match(self.raw, at + ahead)
+            if spelled and spelled[0] != match[0] and is_number(spelled[0]):
+                self._equal(at)
                 pose[channel] = float(spelled[0]) * self.kept.scale[channel]
-                self.old, self.new = self.old + len(match[0]), spelled.end()
+                self.old, self.new = at + len(match[0]), spelled.end()
+                ahead = self.new - self.old
         self._equal(int(self.kept.starts[frame + 1]))
 
     def _difference(self) -> FormatError:
