@@ -94,7 +94,7 @@ def _begin_all_lines(block: bytes, leads: Ints) -> bool:
     n_lines, returns = 1, b"\r" in block
     for at in range(0, len(codes), CHUNK_BYTES):
         feeds = codes[at : at + CHUNK_BYTES + 1] == LINE_FEED
-        n_lines += np.count_nonzero(feeds[:CHUNK_BYTES])
+        n_lines += int(np.count_nonzero(feeds[:CHUNK_BYTES]))
         # A carriage return counts as a line of its own unless a line feed follows.
         if returns and ((codes[at : at + CHUNK_BYTES + 1][:-1] == RETURN) & ~feeds[1:]).any():
             return False
