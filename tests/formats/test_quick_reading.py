@@ -151,6 +151,7 @@ def test_regular_amc_is_read_quickly(old: bytes, new: bytes) -> None:
         (b"tibia 21.5", b"tibja 21.5"),
         (b"tibia 21.5", b"tibia21.5 1"),
         (b"chest 1.6 2.6 3.6\n", b"chest 1.6 2.6 3.6\r"),
+        (b"chest 1.6 2.6 3.6\n", b"chest 1.6\r2.6 3.6\n"),
     ],
 )
 def test_irregular_amc_is_not_taken_for_regular(old: bytes, new: bytes) -> None:

@@ -263,3 +263,18 @@ def test_frames_that_are_left_out_of_a_fit_change_nothing(skeleton, rng, monkeyp
     np.testing.assert_array_equal(few.poses, every.poses)
     np.testing.assert_array_equal(few.changed, every.changed)
     np.testing.assert_array_equal(few.fitted, every.fitted)
+
+
+def test_jumps_are_as_far_apart_as_their_frames(rng):
+    skeleton = body()
+    poses = motion(skeleton, rng, n_frames=200)
+    truth, _ = forward(skeleton, poses)
+    wanted = without(skeleton, [3], slice(50, 60), 200) | without(skeleton, [3], slice(90, 100), 200)
+    found = []
+    for frames in (inverse_kinematics._frames_that_matter(poses, wanted), np.arange(200)):
+        state = inverse_kinematics._Fitting(skeleton, poses, frames, truth, ~wanted, wanted, 0.1)
+        state.choose_free(state.wanted.any(axis=1))
+        channel = np.flatnonzero(state.free.any(axis=0) & state.is_rotation)[0]
+        state.poses[np.isin(frames, [51, 98]), channel] += 90.0
+        found.append(frames[state._frames_at_jumps()].tolist())
+    assert found[0] == found[1] == [50, 51, 52, 53, 96, 97, 98, 99]
