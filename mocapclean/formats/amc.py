@@ -11,30 +11,28 @@ from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from mocapclean.errors import FormatError, UsageError
+from mocapclean.arrays import Floats, Ints
+from mocapclean.errors import FormatError
 from mocapclean.formats import asf as skeletons
 from mocapclean.formats import poses as kept
+from mocapclean.formats.alike import MOST_DIGITS, frames_alike
 from mocapclean.formats.asf import Asf, columns
 from mocapclean.formats.declarations import AMC_RATE, ASF_SUFFIX
 from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.skeleton_files import find_skeleton
-from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quote
+from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quick_table, quote
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 from mocapclean.take.posed import posed_take
 
-MOST_DIGITS = 9
-"""Digits of a frame number that is read; Python refuses to convert very long ones, and no take has more frames."""
 CREATED_DECIMALS = 6
 """Decimals of a created file's numbers, degrees and ASF units. Chosen by hand, as the BVH files have them."""
 
-Ints = NDArray[np.int64]
 Words = list[bytes]
 
-write = kept.write
+write, prove = kept.write, kept.prove
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,14 +77,6 @@ def read(path: Path, options: ReadOptions) -> Take:
     )
 
 
-def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
-    document = kept.kept_document(take)
-    if not isinstance(document, AmcDocument):
-        raise UsageError(f"{path}: a take must come from an AMC file to be proven as one. Got another.")
-    kept.prove(take, path, lambda raw: _parse(path, raw, document.asf, "its skeleton"))
-
-
 def create(take: Take, path: Path) -> None:
     """Write a new AMC file of a take's poses, in degrees, and read it back; NaN is written as ``nan``.
 
@@ -113,7 +103,64 @@ def create(take: Take, path: Path) -> None:
 
 def _parse(path: Path, raw: bytes, asf: Asf, asf_name: str) -> AmcDocument:
     """Return the document of a file; raise FormatError with the line unless every frame has all bones that turn."""
-    lines = blank(raw).splitlines(keepends=True)
+    text = blank(raw)
+    layouts = _Layouts(path, asf.skeleton, asf_name)
+    frames = _alike(path, text, asf, layouts) or _line_by_line(path, text, asf, layouts)
+    scale = np.array(
+        [(1.0 if frames.degrees else 180.0 / np.pi) if c.is_rotation else asf.unit for c in asf.skeleton.channels]
+    )
+    poses = frames.table
+    poses *= scale
+    return AmcDocument(
+        raw=raw,
+        skeleton=asf.skeleton,
+        scale=scale,
+        poses=poses,
+        starts=np.append(frames.starts, len(raw)),
+        places=frames.places,
+        asf=asf,
+        first_frame=frames.first,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Frames:
+    """The frames of a text.
+
+    table: (F, C) numbers in the skeleton's order. starts: (F,) bytes. places: (F, C) tokens, see ``PoseDocument``.
+    first: the number of the first frame. degrees: whether the angles are degrees.
+    """
+
+    table: Floats
+    starts: Ints
+    places: Ints
+    first: int
+    degrees: bool
+
+
+def _alike(path: Path, text: bytes, asf: Asf, layouts: "_Layouts") -> _Frames | None:
+    """Return the frames of a text in which all look like the first, or None for any other text."""
+    alike = frames_alike(text)
+    if alike is None:
+        return None
+    header = [line.split() for line in text[: alike.starts[0]].splitlines()]
+    degrees = _degrees(path, [words[0] if words else b"" for words in header], asf.degrees)
+    layout = layouts.of(alike.names, alike.widths, len(header) + 2)
+    table = quick_table(alike.rows, layout.places.tolist())
+    if table is None:
+        return None
+    return _Frames(
+        table=table,
+        starts=alike.starts,
+        places=np.broadcast_to(layout.places, table.shape),
+        first=alike.first_frame,
+        degrees=degrees,
+    )
+
+
+def _line_by_line(path: Path, text: bytes, asf: Asf, layouts: "_Layouts") -> _Frames:
+    """Return the frames of any text; raise FormatError with the line of the first fault."""
+    lines = text.splitlines(keepends=True)
     rows = [line.split() for line in lines]
     names = [row.pop(0) if row else b"" for row in rows]
     # A frame begins at a line that holds a whole number alone.
@@ -122,25 +169,19 @@ def _parse(path: Path, raw: bytes, asf: Asf, asf_name: str) -> AmcDocument:
         raise FormatError(path, "an AMC file must have frames, each under its number. Got none.")
     degrees = _degrees(path, names[: starts[0]], asf.degrees)
     first_frame = _first_frame(path, names, starts)
-    layouts, widths = _Layouts(path, asf.skeleton, asf_name), list(map(len, rows))
+    widths = list(map(len, rows))
     bodies = pairwise([*starts, len(rows)])
     frames = [layouts.of(names[at + 1 : stop], widths[at + 1 : stop], at + 2) for at, stop in bodies]
     values = numbers(path, rows[starts[0] :], range(starts[0] + 1, len(rows) + 1))
-    channels = asf.skeleton.channels
-    scale = np.array([(1.0 if degrees else 180.0 / np.pi) if c.is_rotation else asf.unit for c in channels])
     # Bones may come in any order, even in another one in each frame: bring the numbers into the skeleton's order.
     order = np.array([layout.order for layout in frames])
-    table = np.take_along_axis(values.reshape(len(starts), len(channels)), order, axis=1)
     begins = np.cumsum([0, *map(len, lines)])
-    return AmcDocument(
-        raw=raw,
-        skeleton=asf.skeleton,
-        scale=scale,
-        poses=table * scale,
-        starts=np.append(begins[starts], len(raw)),
+    return _Frames(
+        table=np.take_along_axis(values.reshape(order.shape), order, axis=1),
+        starts=begins[starts],
         places=np.array([layout.places for layout in frames]),
-        asf=asf,
-        first_frame=first_frame,
+        first=first_frame,
+        degrees=degrees,
     )
 
 

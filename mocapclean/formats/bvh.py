@@ -25,10 +25,12 @@ from mocapclean.formats.text import (
     NUMBER,
     decode,
     finite,
+    is_plain,
     line_at,
     load,
     numbers,
     positive,
+    quick_table,
     quote,
 )
 from mocapclean.geometry.skeleton import Channel, Skeleton
@@ -47,7 +49,7 @@ CHANNEL = re.compile(rb"([XYZ])(position|rotation)", re.IGNORECASE)
 END_SITE = -2
 """Stands for an End Site among indices of joints; -1 is the parent of a root."""
 
-write = kept.write
+write, prove = kept.write, kept.prove
 
 
 def sniff(head: bytes) -> bool:
@@ -82,12 +84,6 @@ def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
     raw = load(path)
     motion = MOTION.search(raw)
     return _Hierarchy(path, raw[: motion.start()] if motion else raw).skeleton(_unit(ReadOptions(unit=unit)))
-
-
-def prove(take: Take, path: Path) -> None:
-    """Raise FormatError unless ``path`` holds ``take``, as ``write`` returned it, and differs nowhere else."""
-    unit = _unit(take.origin.options if take.origin else ReadOptions())
-    kept.prove(take, path, lambda raw: _parse(path, raw, _motion(path, raw), unit))
 
 
 def create(take: Take, path: Path) -> None:
@@ -218,26 +214,40 @@ def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> PoseDocument
     skeleton = _Hierarchy(path, raw[: motion.start]).skeleton(unit)
     scale = _scale(skeleton, unit)
     n_channels, first = len(scale), line_at(raw, motion.rows)
-    lines = raw[motion.rows :].splitlines(keepends=True)
-    rows = [(index, tokens) for index, line in enumerate(lines) if (tokens := line.split())]
-    for index, tokens in rows:
-        if len(tokens) != n_channels:
-            message = f"a row of motion must have {n_channels} numbers. Got {len(tokens)}."
-            raise FormatError(path, message, line=first + index)
-    if len(rows) != motion.frames:
-        why = "the file may be cut off" if len(rows) < motion.frames else "correct the count"
-        message = f"the motion must have {motion.frames} rows, as Frames: declares. Got {len(rows)}; {why}."
-        raise FormatError(path, message, line=first + len(lines) - 1)
-    table = numbers(path, [tokens for _, tokens in rows], [first + index for index, _ in rows])
+    text = raw[motion.rows :]
+    lines = text.splitlines(keepends=True)
+    rows = [index for index, line in enumerate(lines) if not line.isspace()]
+    table = quick_table([lines[index] for index in rows]) if rows and is_plain(text) else None
+    if table is None or table.shape != (motion.frames, n_channels):
+        table = _table(path, lines, first, motion.frames, n_channels)
+    table *= scale
     begins = motion.rows + np.cumsum([0, *map(len, lines)])
     return PoseDocument(
         raw=raw,
         skeleton=skeleton,
         scale=scale,
-        poses=table.reshape(len(rows), n_channels) * scale,
-        starts=np.append(begins[[index for index, _ in rows]], len(raw)),
+        poses=table,
+        starts=np.append(begins[rows], len(raw)),
         places=np.broadcast_to(np.arange(n_channels), (len(rows), n_channels)),
     )
+
+
+def _table(path: Path, lines: list[bytes], first: int, n_frames: int, n_channels: int) -> Floats:
+    """Return the numbers (F, C) of the motion's lines, of which the first has this number, word by word.
+
+    Raises FormatError with the line unless there are as many rows and numbers as declared.
+    """
+    rows = [(number, tokens) for number, line in enumerate(lines, start=first) if (tokens := line.split())]
+    for number, tokens in rows:
+        if len(tokens) != n_channels:
+            message = f"a row of motion must have {n_channels} numbers. Got {len(tokens)}."
+            raise FormatError(path, message, line=number)
+    if len(rows) != n_frames:
+        why = "the file may be cut off" if len(rows) < n_frames else "correct the count"
+        message = f"the motion must have {n_frames} rows, as Frames: declares. Got {len(rows)}; {why}."
+        raise FormatError(path, message, line=first + len(lines) - 1)
+    values = numbers(path, [tokens for _, tokens in rows], [number for number, _ in rows])
+    return values.reshape(n_frames, n_channels)
 
 
 @dataclass

@@ -7,7 +7,6 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.errors import UsageError
-from mocapclean.geometry.inverse_kinematics import fit
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Take
 from mocapclean.take.posed import joint_positions
@@ -67,6 +66,8 @@ def _fit_frames(take: Take, frames: Ints, spelled: Callable[[Floats], Floats]) -
 
     The fit is given all frames, because the poses around a gap are its start.
     """
+    from mocapclean.geometry.inverse_kinematics import fit  # reading, and writing without a fit, need none of it
+
     skeleton, all_poses = posed(take)
     fixed = take.trusted & ~take.changed
     result = fit(skeleton, all_poses, take.positions, fixed, take.changed, tolerance=TRUSTED_MM)

@@ -4,7 +4,6 @@ A frame of the text is a block of bytes: from the start of the frame to the star
 the block's numbers. Every other byte of the file stays as it was, white space between the numbers included.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.fitting import TRUSTED_MM, posed
-from mocapclean.formats.text import TOKEN, blank, load
+from mocapclean.formats.text import TOKEN, WORD, blank, is_number, load
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Take
 from mocapclean.take.posed import joint_positions
@@ -30,6 +29,8 @@ FINEST_MM = 1e-4
 """Millimetres: repaired lengths are spelled at least this finely, a thousandth of the tolerance of trusted joints."""
 MOST_DECIMALS = 12
 """Decimals beyond which the file's own spelling is not followed: a float64 angle holds no more. Chosen by hand."""
+COMPARED_BYTES = 1 << 20
+"""Bytes of two texts that are compared at once, which bounds the memory for them. Chosen by hand."""
 ROUNDING_SLACK = 1e-9
 """Decimals: keeps the logarithm of an exact power of ten from being rounded up to one decimal more."""
 
@@ -76,14 +77,13 @@ class PoseDocument:
     def patched(self, poses: Floats, changed: Bools) -> bytes:
         """Return the text with the changed numbers (F, C) respelled."""
         spelling = [f"%.{n}f" for n in self.decimals()]
-        values = poses / self.scale
         text, at = [], 0
         for frame in map(int, np.flatnonzero(changed.any(axis=1))):
-            start, places = int(self.starts[frame]), self.places[frame]
+            start, places, values = int(self.starts[frame]), self.places[frame], poses[frame] / self.scale
             spans = [match.span() for match in TOKEN.finditer(blank(self.block(frame)))]
             for channel in sorted(np.flatnonzero(changed[frame]), key=places.__getitem__):
                 first, stop = spans[places[channel]]
-                text += [self.raw[at : start + first], (spelling[channel] % values[frame, channel]).encode()]
+                text += [self.raw[at : start + first], (spelling[channel] % values[channel]).encode()]
                 at = start + stop
         return b"".join([*text, self.raw[at:]])
 
@@ -109,36 +109,81 @@ def kept_document(take: Take) -> PoseDocument:
     return document
 
 
-def prove(take: Take, path: Path, parse: Callable[[bytes], PoseDocument]) -> None:
+def prove(take: Take, path: Path) -> None:
     """Raise FormatError unless a written file is the kept text but for the numbers of the changed frames.
 
     take: the return of ``write``. Changed joints must be where the take has them within 1e-6 mm, trusted joints where
-    they were within 0.1 mm.
+    they were within 0.1 mm. The file is read again; of its numbers only those are parsed that differ, because equal
+    bytes between equal bytes mean the same.
     """
     kept, raw = kept_document(take), load(path)
-    if raw == kept.raw and not take.changed.any():
-        return
-    written = parse(raw)
-    repaired = np.any(take.changed, axis=1)
-    # 1. The text before the first frame and the size of the table are those of the input.
-    header = slice(0, int(kept.starts[0]))
-    if written.poses.shape != kept.poses.shape or written.raw[header] != kept.raw[header]:
-        raise FormatError(path, "the header and the table's size must be those of the input. Got others.")
-    # 2. Blocks are equal, or belong to a repaired frame and differ in the spelling of channels alone.
-    for frame in range(len(repaired)):
-        old, new = kept.block(frame), written.block(frame)
-        if old != new and not (repaired[frame] and _respelled(kept, frame, old, new)):
-            raise FormatError(
-                path,
-                "only numbers of repaired frames must differ from the input. Got another difference.",
-                frame=take.first_frame + frame,
-            )
-    # 3. In repaired frames the changed joints are where they should be, the trusted ones where they were.
-    frames = np.flatnonzero(repaired)
-    after, before = (joint_positions(d.skeleton, d.poses[frames]) for d in (written, kept))
+    frames = np.flatnonzero(take.changed.any(axis=1))
+    # 1. All bytes are equal, but for the spelling of channels in repaired frames.
+    written = _Comparison(take, path, kept, raw).poses(frames)
+    # 2. In repaired frames the changed joints are where they should be, the trusted ones where they were.
+    after, before = (joint_positions(kept.skeleton, poses) for poses in (written, kept.poses[frames]))
     changed = take.changed[frames]
     _check_within(take, path, frames, after - take.positions[frames], changed, REREAD_MM)
     _check_within(take, path, frames, after - before, take.trusted[frames] & ~changed, TRUSTED_MM + REREAD_MM)
+
+
+class _Comparison:
+    """A written text beside the kept one, compared from the start to the end.
+
+    old, new: the bytes up to which both were compared.
+    """
+
+    def __init__(self, take: Take, path: Path, kept: PoseDocument, raw: bytes) -> None:
+        self.take, self.path, self.kept, self.raw = take, path, kept, raw
+        self.old = self.new = 0
+
+    def poses(self, frames: Ints) -> Floats:
+        """Return the written poses (f, C) of some frames; raise FormatError if the rest of the file differs."""
+        poses = self.kept.poses[frames]
+        for frame, pose in zip(map(int, frames), poses, strict=True):
+            self._equal(int(self.kept.starts[frame]))
+            self._read(frame, pose)
+        self._equal(len(self.kept.raw))
+        if self.new != len(self.raw):
+            raise self._difference()
+        return poses
+
+    def _equal(self, stop: int) -> None:
+        """Pass the bytes up to ``stop`` of the kept text; raise FormatError where the written ones differ."""
+        while self.old < stop:
+            size = min(stop - self.old, COMPARED_BYTES)
+            if self.raw[self.new : self.new + size] != self.kept.raw[self.old : self.old + size]:
+                raise self._difference()
+            self.old, self.new = self.old + size, self.new + size
+
+    def _read(self, frame: int, pose: Floats) -> None:
+        """Pass the block of a repaired frame, and set in a pose (C,) the channels that are spelled differently."""
+        channels = dict(zip(self.kept.places[frame].tolist(), range(len(pose)), strict=True))
+        start, ahead = self.old, self.new - self.old
+        for place, match in enumerate(TOKEN.finditer(blank(self.kept.block(frame)))):
+            if (channel := channels.get(place)) is None:
+                continue
+            at = start + match.start()
+            spelled = WORD.match(self.raw, at + ahead)
+            if spelled and spelled[0] != match[0] and is_number(spelled[0]):
+                self._equal(at)
+                pose[channel] = float(spelled[0]) * self.kept.scale[channel]
+                self.old, self.new = at + len(match[0]), spelled.end()
+                ahead = self.new - self.old
+        self._equal(int(self.kept.starts[frame + 1]))
+
+    def _difference(self) -> FormatError:
+        """Return an error for a difference soon after the bytes that were compared last."""
+        pairs = zip(self.kept.raw[self.old : self.old + COMPARED_BYTES], self.raw[self.new :], strict=False)
+        at = self.old + next((index for index, (old, new) in enumerate(pairs) if old != new), 0)
+        frame = int(np.searchsorted(self.kept.starts, at, side="right")) - 1
+        if frame < 0:
+            return FormatError(self.path, "the header must be that of the input. Got another.")
+        return FormatError(
+            self.path,
+            "only numbers of repaired frames must differ from the input. Got another difference.",
+            frame=self.take.first_frame + min(frame, len(self.kept.poses) - 1),
+        )
 
 
 def prove_created(take: Take, path: Path, poses: Floats, skeleton: Skeleton) -> None:
@@ -158,15 +203,6 @@ def prove_created(take: Take, path: Path, poses: Floats, skeleton: Skeleton) -> 
     apart = joint_positions(skeleton, poses)[:, columns] - expected
     known = np.asarray(np.isfinite(expected).all(axis=2))
     _check_within(take, path, np.arange(len(expected)), apart, known, CREATED_MM)
-
-
-def _respelled(kept: PoseDocument, frame: int, old: bytes, new: bytes) -> bool:
-    """Whether two blocks of a frame differ in the spelling of channels only."""
-    old_tokens, new_tokens = TOKEN.findall(blank(old)), TOKEN.findall(blank(new))
-    if len(old_tokens) != len(new_tokens) or TOKEN.split(blank(old)) != TOKEN.split(blank(new)):
-        return False
-    differ = {place for place, pair in enumerate(zip(old_tokens, new_tokens, strict=True)) if pair[0] != pair[1]}
-    return differ <= set(kept.places[frame].tolist())
 
 
 def _check_within(take: Take, path: Path, frames: Ints, apart: Floats, where: Bools, most: float) -> None:

@@ -16,6 +16,7 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import bvh, fitting
 from mocapclean.formats.fitting import fit_poses
+from mocapclean.geometry import inverse_kinematics
 from mocapclean.geometry.inverse_kinematics import FittedPoses
 from mocapclean.geometry.skeleton import Channel, Skeleton, forward
 from mocapclean.take import ReadOptions, Take
@@ -350,7 +351,7 @@ def test_joint_that_cannot_be_fitted_is_left_and_reported(
         new = found + moved * wanted.any(axis=1, keepdims=True) * (np.arange(found.shape[1]) == 0)
         return FittedPoses(poses=new, changed=new != found, fitted=wanted & (moved > 0))
 
-    monkeypatch.setattr(fitting, "fit", unfit)
+    monkeypatch.setattr(inverse_kinematics, "fit", unfit)
     take = filling(load(small), "Left Leg", slice(1, 3), 30.0)
     out = tmp_path / "out.bvh"
     written = fit_and_write(take, out)
@@ -379,6 +380,30 @@ def test_proof_sees_any_other_difference(tmp_path: Path, small: Path) -> None:
         out.write_bytes(good.replace(old, new))
         with pytest.raises(FormatError, match="must"):
             bvh.prove(written, out)
+
+
+def test_proof_sees_every_byte_that_is_changed_added_or_lost(tmp_path: Path, small: Path) -> None:
+    take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
+    out = tmp_path / "out.bvh"
+    written = fit_and_write(take, out)
+    good = out.read_bytes()
+    rows = good.splitlines(keepends=True)
+    repaired = range(len(b"".join(rows[:33])), len(b"".join(rows[:35])))
+    for at in range(len(good) + 1):
+        faults = [good[:at] + b"8" + good[at:], good[:at] + b" " + good[at:]]
+        faults += [good[:at] + good[at + 1 :], good[:at] + b"~" + good[at + 1 :]] if at < len(good) else []
+        for fault in faults:
+            out.write_bytes(fault)
+            try:
+                bvh.prove(written, out)
+            except FormatError:
+                continue
+            # Numbers of repaired frames may be spelled differently, if every joint is where it should be.
+            assert at in repaired
+            np.testing.assert_array_equal(load(out).trusted, written.trusted)
+            apart = np.linalg.norm(load(out).positions - written.positions, axis=2)
+            assert apart.max() <= fitting.TRUSTED_MM + 1e-6
+            assert apart[take.filled].max() <= 1e-6
 
 
 def test_new_file_reads_back(tmp_path: Path, rng: np.random.Generator) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from mocapclean.formats import amc, bvh
+from mocapclean.geometry import inverse_kinematics
 from mocapclean.geometry.inverse_kinematics import fit
 from mocapclean.geometry.skeleton import Channel, Skeleton, forward
 from mocapclean.take import ReadOptions
@@ -242,3 +243,38 @@ def test_ten_joints_out_for_a_second_in_a_real_capture(captures, name, rng):
         assert np.array_equal(result.fitted, wanted)
         assert np.quantile(away[wanted], 0.95) < allowed
         assert away[~wanted].max() < 0.1
+
+
+def test_frames_that_are_left_out_of_a_fit_change_nothing(skeleton, rng, monkeypatch):
+    poses = motion(skeleton, rng, n_frames=400)
+    truth, _ = forward(skeleton, poses)
+    wanted = np.zeros(truth.shape[:2], dtype=bool)
+    for start, length, joint in [(0, 5, 3), (40, 30, 2), (74, 3, 5), (90, 1, 1), (392, 8, 4)]:
+        wanted[start : start + length, joint] = True
+    targets = truth + noise(rng, truth.shape, 15.0) * wanted[:, :, None]
+    # Angles without a value: within wanted frames, beside them, and far away.
+    for start, stop, channel in [(50, 55, 7), (68, 72, 9), (200, 210, 8), (380, 392, 6)]:
+        poses[start:stop, channel] = np.nan
+    few = fit(skeleton, poses, targets, ~wanted, wanted)
+    assert len(inverse_kinematics._frames_that_matter(poses, wanted)) < 100
+    monkeypatch.setattr(inverse_kinematics, "_frames_that_matter", lambda poses, wanted: np.arange(len(poses)))
+    every = fit(skeleton, poses, targets, ~wanted, wanted)
+    assert every.fitted.any()
+    np.testing.assert_array_equal(few.poses, every.poses)
+    np.testing.assert_array_equal(few.changed, every.changed)
+    np.testing.assert_array_equal(few.fitted, every.fitted)
+
+
+def test_jumps_are_as_far_apart_as_their_frames(rng):
+    skeleton = body()
+    poses = motion(skeleton, rng, n_frames=200)
+    truth, _ = forward(skeleton, poses)
+    wanted = without(skeleton, [3], slice(50, 60), 200) | without(skeleton, [3], slice(90, 100), 200)
+    found = []
+    for frames in (inverse_kinematics._frames_that_matter(poses, wanted), np.arange(200)):
+        state = inverse_kinematics._Fitting(skeleton, poses, frames, truth, ~wanted, wanted, 0.1)
+        state.choose_free(state.wanted.any(axis=1))
+        channel = np.flatnonzero(state.free.any(axis=0) & state.is_rotation)[0]
+        state.poses[np.isin(frames, [51, 98]), channel] += 90.0
+        found.append(frames[state._frames_at_jumps()].tolist())
+    assert found[0] == found[1] == [50, 51, 52, 53, 96, 97, 98, 99]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mocapclean.geometry.skeleton import Channel, Skeleton, forward, influence, move, turn
+from mocapclean.geometry.skeleton import Channel, Skeleton, forward, influence, move, places, turn
 
 
 def arm(carried=False):
@@ -76,6 +76,33 @@ def test_a_missing_channel_spoils_what_it_decides_and_nothing_else(skeleton, rng
     np.testing.assert_array_equal(rotations[1, :1], turned[1, :1])
     kept = [j for j in range(4) if j not in spoilt]
     np.testing.assert_array_equal(positions[1, kept], whole[1, kept])
+
+
+def test_places_are_those_of_the_whole_kinematics(skeleton, rng):
+    poses = rng.uniform(-90, 90, (40, 7))
+    np.testing.assert_array_equal(places(skeleton, poses), move(skeleton, poses).positions)
+    poses[rng.random(poses.shape) < 0.1] = np.nan
+    np.testing.assert_array_equal(places(skeleton, poses), forward(skeleton, poses)[0])
+
+
+def test_kinematics_are_the_products_of_matrices(skeleton, rng):
+    poses = rng.uniform(-180, 180, (5, 7))
+    motion = move(skeleton, poses)
+    rotations, positions = [], []
+    for joint, parent in enumerate(skeleton.parents):
+        # G = G_parent C R Cᵀ and p = p_parent + G_parent (before + t) + G after, as the docstring has them
+        above = rotations[parent] if parent >= 0 else np.tile(np.eye(3), (5, 1, 1))
+        local, shift = np.tile(np.eye(3), (5, 1, 1)), np.tile(skeleton.before[joint], (5, 1))
+        for index in (i for i, c in enumerate(skeleton.channels) if c.joint == joint and not c.is_rotation):
+            shift[:, skeleton.channels[index].axis] += poses[:, index]
+        for index in (i for i in skeleton.product if skeleton.channels[i].joint == joint):
+            local = local @ turn(skeleton.channels[index].axis, poses[:, index])
+        frame = skeleton.frames[joint]
+        rotations.append(above @ frame @ local @ frame.T)
+        spot = positions[parent] if parent >= 0 else np.zeros((5, 3))
+        positions.append(spot + (above @ shift[:, :, None])[:, :, 0] + rotations[joint] @ skeleton.after[joint])
+    np.testing.assert_allclose(motion.positions, np.stack(positions, axis=1), atol=1e-11)
+    np.testing.assert_allclose(motion.rotations, np.stack(rotations, axis=1), atol=1e-14)
 
 
 def test_bones_are_what_every_pose_keeps(skeleton, rng):

@@ -15,7 +15,7 @@ from mocapclean.geometry.inverse_kinematics.aiming import aim
 from mocapclean.geometry.inverse_kinematics.euler import bridge, rotations_of, smoothest
 from mocapclean.geometry.inverse_kinematics.free_channels import channels_to_reach
 from mocapclean.geometry.inverse_kinematics.least_squares import least_squares
-from mocapclean.geometry.skeleton import Skeleton, influence, move
+from mocapclean.geometry.skeleton import Skeleton, influence, placed
 
 # All numbers below were chosen by hand and no sweep was kept; tests/geometry/test_inverse_kinematics.py holds what
 # they achieve.
@@ -98,7 +98,8 @@ def fit(
     free channels are never read. They start from a bridge over the frames in which they are free, are aimed at the
     targets, and end at the minimum of the least squares.
     """
-    state = _Fitting(skeleton, poses, targets, fixed, wanted, tolerance)
+    frames = _frames_that_matter(poses, wanted)
+    state = _Fitting(skeleton, poses, frames, targets, fixed, wanted, tolerance)
     unsolved: Bools = np.asarray(state.wanted.any(axis=1))
     rounds = 0
     while unsolved.any():
@@ -106,38 +107,64 @@ def fit(
         violations = state.solve(unsolved)
         unsolved = state.widen_or_give_up(violations, farthest=rounds < FARTHEST_ROUNDS)
         rounds += 1
-    fitted = state.without_jumps()
-    changed = state.free & ~(np.abs(fitted - poses) <= UNCHANGED)
-    return FittedPoses(poses=np.where(changed, fitted, poses), changed=changed, fitted=state.wanted)
+    smooth = state.without_jumps()
+    fitted, changed, done = poses.copy(), np.zeros(poses.shape, dtype=bool), np.zeros_like(wanted)
+    changed[frames] = state.free & ~(np.abs(smooth - state.given) <= UNCHANGED)
+    fitted[frames] = np.where(changed[frames], smooth, state.given)
+    done[frames] = state.wanted
+    return FittedPoses(poses=fitted, changed=changed, fitted=done)
+
+
+def _frames_that_matter(poses: Floats, wanted: Bools) -> Ints:
+    """Return the frames that a fit reads: those with wanted joints, and on both sides the rest of what is unknown.
+
+    A run of frames that are wanted, or have a channel without a value, ends at a frame that is known as a whole.
+    Nothing is bridged, smoothed or solved across such a frame, so that each run can be fitted without the others.
+    """
+    known = np.isfinite(poses).all(axis=1) & ~wanted.any(axis=1)
+    matter = np.zeros(len(poses), dtype=bool)
+    for start, stop in runs(np.asarray(~known)):
+        if wanted[start:stop].any():
+            matter[max(start - 1, 0) : stop + 1] = True
+    return np.flatnonzero(matter)
 
 
 class _Fitting:
-    """The state of a fit.
+    """The state of a fit, in the f frames that it reads; all frames together set the limits of a channel.
 
-    given: (F, C) the poses to be fitted. poses: (F, C) the poses so far. free: (F, C) bool. wanted, fixed: (F, J)
-    bool, the joints to be moved and the constraints; a joint that is given up is no longer wanted. level: (F, J)
-    which set of free channels a wanted joint has reached. channel_sets: (J, C) bool for each level. places, (J, C)
-    bool: whether a channel decides where a joint is. missing: (F, C) bool, channels without a value. explained:
-    (F, J) bool, joints that a missing channel decides, so that no other need be free.
+    frames: (f,) their indices. all_given: (F, C) the poses of all frames. given: (f, C) the poses to be fitted. poses:
+    (f, C) the poses so far. free: (f, C) bool. wanted, fixed: (f, J) bool, the joints to be moved and the constraints;
+    a joint that is given up is no longer wanted. level: (f, J) which set of free channels a wanted joint has reached.
+    channel_sets: (J, C) bool for each level. places, (J, C) bool: whether a channel decides where a joint is. missing:
+    (f, C) bool, channels without a value. explained: (f, J) bool, joints that a missing channel decides, so that no
+    other need be free.
     """
 
     def __init__(
-        self, skeleton: Skeleton, poses: Floats, targets: Floats, fixed: Bools, wanted: Bools, tolerance: float
+        self,
+        skeleton: Skeleton,
+        poses: Floats,
+        frames: Ints,
+        targets: Floats,
+        fixed: Bools,
+        wanted: Bools,
+        tolerance: float,
     ) -> None:
-        self.skeleton, self.given, self.targets, self.tolerance = skeleton, poses, targets, tolerance
+        self.skeleton, self.frames, self.tolerance = skeleton, frames, tolerance
+        self.all_given, self.given, self.targets = poses, poses[frames], targets[frames]
         self.places, orients = influence(skeleton)
-        self.missing = np.isnan(poses)
+        self.missing = np.isnan(self.given)
         roots = np.array(skeleton.parents)[:, None] < 0
         # A missing rotation of a root explains the root, although it does not move it.
         self.explained = self.missing @ (self.places | (orients & roots)).T
-        finite = np.isfinite(targets).all(axis=2)
-        self.wanted = wanted & finite
+        finite = np.isfinite(self.targets).all(axis=2)
+        self.wanted = wanted[frames] & finite
         # A joint that a missing channel decides has no place yet, and cannot be a constraint.
-        self.fixed = fixed & finite & ~self.wanted & ~(self.missing @ self.places.T)
+        self.fixed = fixed[frames] & finite & ~self.wanted & ~(self.missing @ self.places.T)
         self.channel_sets = [channels_to_reach(skeleton, EXTRA_FREEDOMS * level) for level in range(LEVELS)]
-        self.level = np.zeros(wanted.shape, dtype=np.intp)
-        self.free = np.zeros(poses.shape, dtype=bool)
-        self.poses = poses.copy()
+        self.level = np.zeros(self.wanted.shape, dtype=np.intp)
+        self.free = np.zeros(self.given.shape, dtype=bool)
+        self.poses = self.given.copy()
         self.is_rotation = np.array([c.is_rotation for c in skeleton.channels], dtype=bool)
         self.below_root = np.array([skeleton.parents[c.joint] >= 0 for c in skeleton.channels], dtype=bool)
 
@@ -196,39 +223,47 @@ class _Fitting:
 
     def _lengths(self) -> Bools:
         """Return the position channels (C,) below a root that keep one value wherever they are known."""
-        known = np.where(self.free | self.missing, np.nan, self.given)
-        steady = np.zeros(known.shape[1], dtype=bool)
-        for channel in np.flatnonzero(~self.is_rotation & self.below_root & np.isfinite(known).any(axis=0)):
-            steady[channel] = np.nanmax(known[:, channel]) - np.nanmin(known[:, channel]) < STEADY_MM
+        steady = np.zeros(self.given.shape[1], dtype=bool)
+        for channel in np.flatnonzero(~self.is_rotation & self.below_root & self.free.any(axis=0)):
+            known = self.all_given[:, channel].copy()
+            known[self.frames[self.free[:, channel]]] = np.nan
+            known = known[~np.isnan(known)]
+            steady[channel] = len(known) > 0 and known.max() - known.min() < STEADY_MM
         return steady
 
     def _violations(self, poses: Floats, rows: Ints) -> Floats:
         """Return how far (f, J), in millimetres, these poses move fixed joints; zero within the tolerance."""
-        positions = move(self.skeleton, poses).positions
+        positions = placed(self.skeleton, poses)
         moved = np.linalg.norm(positions - self.targets[rows], axis=2)
         constrained = self.fixed[rows] & (self.free[rows] @ self.places.T)
         return np.where(constrained & (moved > TOLERANCE_SHARE * self.tolerance), moved, 0.0)
 
     def _frames_at_jumps(self) -> Bools:
-        """Return the frames (F,) with free channels at a jump of a free angle, or between jumps close together."""
-        step = np.abs(np.diff(self.poses, axis=0, append=self.poses[-1:]))
-        step = np.abs(step - 360 * np.round(step / 360))
+        """Return the frames (f,) with free channels at a jump of a free angle, or between jumps close together."""
+        step = _angle_steps(self.poses)
         # A step is free if either of its frames is.
         free_steps = self.free.copy()
         free_steps[:-1] |= self.free[1:]
         rough = np.zeros(len(step), dtype=bool)
-        for channel in np.flatnonzero(self.is_rotation & free_steps.any(axis=0)):
-            known = step[~free_steps[:, channel], channel]
-            known = known[np.isfinite(known)]
-            limit = MOST_JUMP
-            if len(known) > KNOWN_STEPS:
-                limit = np.clip(JUMP_FACTOR * np.quantile(known, STEP_QUANTILE), LEAST_JUMP, MOST_JUMP)
-            jumps = np.flatnonzero(free_steps[:, channel] & (step[:, channel] > limit))
+        large = free_steps & (step > LEAST_JUMP)
+        for channel in np.flatnonzero(self.is_rotation & large.any(axis=0)):
+            jumps = np.flatnonzero(large[:, channel] & (step[:, channel] > self._largest_step(int(channel))))
             for jump in jumps:
                 rough[max(0, jump - FRAMES_BEFORE_JUMP) : jump + FRAMES_FROM_JUMP] = True
-            for near in np.flatnonzero(np.diff(jumps) < CLOSE_JUMPS):
+            for near in np.flatnonzero(np.diff(self.frames[jumps]) < CLOSE_JUMPS):
                 rough[jumps[near] : jumps[near + 1] + 1] = True
         return np.asarray(rough & self.free.any(axis=1))
+
+    def _largest_step(self, channel: int) -> float:
+        """Return the largest step of an angle, degrees, that is no jump, by its known steps in the whole take."""
+        free = np.zeros(len(self.all_given), dtype=bool)
+        free[self.frames] = self.free[:, channel]
+        free[:-1] |= free[1:]
+        known = _angle_steps(self.all_given[:, channel])[~free]
+        known = known[np.isfinite(known)]
+        if len(known) <= KNOWN_STEPS:
+            return MOST_JUMP
+        return float(np.clip(JUMP_FACTOR * np.quantile(known, STEP_QUANTILE), LEAST_JUMP, MOST_JUMP))
 
     def widen_or_give_up(self, violations: Floats, *, farthest: bool) -> Bools:
         """Widen the free channels of the wanted joints whose channels moved fixed joints, or give up their runs.
@@ -262,3 +297,9 @@ class _Fitting:
                     if np.isfinite(poses[span][:, part]).all():
                         poses[first:stop, part] = smoothest(axes, poses[span][:, part], first > 0, stop < len(poses))
         return poses
+
+
+def _angle_steps(angles: Floats) -> Floats:
+    """Return the sizes of the steps of angles (F, ...), degrees, to the next frame, without whole turns."""
+    step = np.abs(np.diff(angles, axis=0, append=angles[-1:]))
+    return np.asarray(np.abs(step - 360 * np.round(step / 360)))

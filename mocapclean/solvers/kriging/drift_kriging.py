@@ -89,7 +89,8 @@ class DriftKriging:
         right[:, :, k:] = np.stack([np.ones(length), gap / MAX_PER_SIDE])
         solved = np.linalg.solve(self._systems(samples), right)
         variance = 1.0 + self.noises[:, None] - np.einsum("pgkn,pgkn->pgn", right, solved)
-        return solved[:, :, :k].swapaxes(2, 3), np.maximum(variance, MIN_VARIANCE)
+        weights: Floats = np.asarray(solved[:, :, :k].swapaxes(2, 3), dtype=np.float64)
+        return weights, np.maximum(variance, MIN_VARIANCE)
 
     def _systems(self, samples: Ints) -> Floats:
         """Return the matrices (P, K, k + 2, k + 2) of the linear systems for samples (P, k)."""

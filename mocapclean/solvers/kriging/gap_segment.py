@@ -83,7 +83,7 @@ class GapSegment:
     @property
     def can_be_filled(self) -> bool:
         """Whether enough samples of the marker are known."""
-        return np.count_nonzero(self.known) >= MIN_TRAINING
+        return bool(np.count_nonzero(self.known) >= MIN_TRAINING)
 
     def compares_alike(self, evidence: Evidence) -> bool:
         """Whether windows that resemble the gap decide between its neighbours and the marker's own path.

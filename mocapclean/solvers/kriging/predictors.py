@@ -46,6 +46,6 @@ def applicable(n_neighbours: int, has_hinge: bool) -> list[Predictor]:
     usable = [p for p in PREDICTORS if (p.n_framing == 0 or n_neighbours >= 3) and (has_hinge or not p.hinged)]
     distinct: dict[Predictor, Predictor] = {}
     for p in usable:
-        limits = {"n_framing": min(p.n_framing, n_neighbours), "n_features": min(p.n_features, n_neighbours)}
-        distinct.setdefault(replace(p, **limits), p)
+        n_framing, n_features = min(p.n_framing, n_neighbours), min(p.n_features, n_neighbours)
+        distinct.setdefault(replace(p, n_framing=n_framing, n_features=n_features), p)
     return list(distinct.values())

@@ -51,14 +51,14 @@ class TakeState:
         self.positions, self.sd = bridge_short_gaps(interpolated, take.trusted, to_bridge, take.rate, frames_for)
         if begun:
             self.positions = np.where(self.begun[..., None], begun.positions, self.positions)
-            self.sd = np.where(self.begun, begun.sd, self.sd)
+            self.sd = np.where(self.begun, begun.sd if begun.sd is not None else np.nan, self.sd)
         self.missing = np.asarray(~(self.known | self.begun), dtype=float)
-        self._rests: dict[int, Rest] = {}
+        self._rest_of: dict[int, Rest] = {}
 
     def rest(self, marker: int) -> Rest:
         """Return how a marker moves beside stretches of the take, from its known samples."""
-        if marker not in self._rests:
-            self._rests[marker] = Rest(
+        if marker not in self._rest_of:
+            self._rest_of[marker] = Rest(
                 self.positions[:, marker], self.known[:, marker], self.rate, self.params.rigidity
             )
-        return self._rests[marker]
+        return self._rest_of[marker]
