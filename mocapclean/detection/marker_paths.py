@@ -11,7 +11,7 @@ from scipy.ndimage import median_filter
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.breaks import break_thresholds, bursts, innovations
 from mocapclean.detection.paths import Deviations, PathCosts, deviations
-from mocapclean.detection.prediction import Prediction, predict
+from mocapclean.detection.prediction import Prediction, steps_of
 from mocapclean.detection.rigid_pairs import RigidPairs
 from mocapclean.detection.steps import SLIDE_SECONDS, SNAP, Step, is_certain, same_time
 from mocapclean.geometry.distances import Rigidity
@@ -73,7 +73,7 @@ class MarkerPaths:
         self.half_slide = round(SLIDE_SECONDS * body.rate / 2)
         self.positions = np.where(measured[..., None], given.positions, np.nan)
         # Residual in the axes of the segment: r = (x - x̂) R, for row vectors.
-        self.residual = ((self.positions - prediction.positions)[..., None, :] @ prediction.rotation)[..., 0, :]
+        self.residual = np.einsum("fmi,fmij->fmj", self.positions - prediction.positions, prediction.rotation)
         innovation = innovations(self.positions, self.residual)
         guide = _guide(filled, prediction)
         self.threshold = break_thresholds(innovation, given.usable, guide)
@@ -132,7 +132,7 @@ class MarkerPaths:
         filled = self.filled.copy()
         filled[removed.start :, removed.marker] -= self.rotation[removed.start :, removed.marker] @ removed.offset
         only = np.arange(filled.shape[1]) == step.marker
-        left = predict(filled, self.usable, self.body.rigid, slide=2 * self.half_slide, only=only).steps
+        left = steps_of(filled, self.usable, self.body.rigid, 2 * self.half_slide, only)
         return max((other.score for other in left if self.same_time(other, step)), default=0.0)
 
     def agreement(self, step: Step, excluded: int | None = None) -> float:
