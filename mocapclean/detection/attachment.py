@@ -51,7 +51,7 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     if not left.any():
         return found
     slide = round(SLIDE_SECONDS * rate)
-    stepped = predict(filled, judged, rigid, slide=slide, only=left)
+    stepped = predict(filled, judged, rigid, slide=slide, only=left, screened=False)
     for step in stepped.steps:
         filled[step.start :, step.marker] -= stepped.rotation[step.start :, step.marker] @ step.offset
     return found | _are_attached(filled, judged, rigid, rate, left)

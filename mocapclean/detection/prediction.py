@@ -57,11 +57,13 @@ def predict(
     slide: int | None = None,
     only: Bools | None = None,
     known: Prediction | None = None,
+    screened: bool = True,
 ) -> Prediction:
     """Return the prediction of every marker, or only of some (M,), in every frame.
 
     positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
-    step, in frames; None searches for no steps. A marker with fewer than 3 partners or 10 usable frames is not
+    step, in frames; None searches for no steps. screened: whether only those are searched for that may be credible. A
+    marker with fewer than 3 partners or 10 usable frames is not
     predicted: its predicted position is its mean place in all frames, so that its residual is its own path. known: an
     earlier prediction, which the markers that are not in ``only`` keep.
     """
@@ -83,7 +85,9 @@ def predict(
         markers, fit = segment.markers, regress(segment.sample)
         place[:, markers], rotation[:, :, markers] = segment.predicted(fit), segment.axes
         residual[:, markers] = _to_segment(paths[:, markers] - place[:, markers], segment.axes)
-        steps += [] if slide is None else find_steps(markers, segment.sample, fit.penalties, min(slide, len(usable)))
+        if slide is not None:
+            penalties = fit.penalties if screened else None
+            steps += find_steps(markers, segment.sample, min(slide, len(usable)), penalties)
     steps = [] if slide is None else sorted(steps, key=lambda step: step.marker)
     return Prediction(_samples(place), _samples(residual), _samples(rotation), predicted, tuple(steps))
 
@@ -93,7 +97,7 @@ def steps_of(positions: Floats, usable: Bools, rigid: Rigidity, slide: int, only
     steps: list[Step] = []
     for segment in _segments(_paths(positions), usable, _Neighbours.of(rigid), only):
         penalties = regress(segment.sample).penalties
-        steps += find_steps(segment.markers, segment.sample, penalties, min(slide, len(usable)))
+        steps += find_steps(segment.markers, segment.sample, min(slide, len(usable)), penalties)
     return steps
 
 

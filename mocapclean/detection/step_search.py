@@ -34,11 +34,11 @@ _LEAST_ENERGY = 1e-9  # keeps a step that the inputs explain from a division by 
 _VARIANCE_SHARE = 1e-9  # least variance in any direction, as a share of the total: keeps matrices regular
 
 
-def find_steps(markers: Ints, sample: Sample, penalties: Floats, slide: int) -> list[Step]:
+def find_steps(markers: Ints, sample: Sample, slide: int, penalties: Floats | None = None) -> list[Step]:
     """Return the best step of each of the markers (b,), from targets regressed on inputs.
 
-    penalties: (b,), the ridge penalties of regressions without a step, for each unit of weight. Markers with too few
-    rows have no step, and neither do those in which a coarse search of few rows shows none.
+    Markers with too few rows have no step. penalties: (b,), the ridge penalties of regressions without a step, for each
+    unit of weight: with them, markers in which a coarse search of few rows shows no step have none either.
 
     Two fits compete by their scores: a step within one frame, and a step by a slide of up to ``slide`` frames. The
     rows around a slide are left out, because the inputs would explain the slide as motion. A fit that the rows of one
@@ -47,13 +47,14 @@ def find_steps(markers: Ints, sample: Sample, penalties: Floats, slide: int) -> 
     enough = np.flatnonzero(sample.rows.number >= 4 * _edge(sample.rows))
     if not len(enough):
         return []
-    number = sample.rows.number[enough, None]
-    few = np.linspace(0, number[:, 0] - 1, min(_SCREEN_ROWS, int(number.max())), axis=1).astype(np.intp)
-    chosen = enough[_may_step(sample.some(enough, few), penalties[enough])]
-    if not len(chosen):
-        return []
-    every = np.broadcast_to(np.arange(sample.values.shape[2]), (len(chosen), sample.values.shape[2]))
-    return _searched(markers[chosen], sample.some(chosen, every), slide)
+    if penalties is not None:
+        number = sample.rows.number[enough]
+        few = np.linspace(0, number - 1, min(_SCREEN_ROWS, int(number.max())), axis=1).astype(np.intp)
+        enough = enough[_may_step(sample.some(enough, few), penalties[enough])]
+        if not len(enough):
+            return []
+    every = np.broadcast_to(np.arange(sample.values.shape[2]), (len(enough), sample.values.shape[2]))
+    return _searched(markers[enough], sample.some(enough, every), slide)
 
 
 def _may_step(sample: Sample, penalties: Floats) -> Bools:
