@@ -53,13 +53,13 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
     """Return the analysis of positions (F, M, 3) with trust (F, M), taken at ``rate`` Hz."""
     pairs = RigidPairs(np.where(trusted[..., None], positions, np.nan), rigid, rate)
     body = Body(rigid, pairs, rate, attached(positions, trusted, rigid, rate))
-    given, previous, known = Round(positions, trusted, ()), trusted, None
+    given, previous, known, last = Round(positions, trusted, ()), trusted, None, None
     sliding = np.zeros_like(trusted)
     for index in range(_ROUNDS):
         known = _predicted(given, body, known, with_steps=index < _ROUNDS - 1)
         filled, prediction = known[0].filled, known[1]
         holds = find_holds(given.positions, trusted, prediction)
-        paths = MarkerPaths(given, filled, prediction, trusted & ~hold_mask(holds, trusted), body)
+        paths = MarkerPaths(given, filled, prediction, trusted & ~hold_mask(holds, trusted), body, last)
         credible = credible_steps(prediction.steps, paths)
         candidates = _candidates(credible, given.steps, paths)
         for step in candidates:
@@ -74,7 +74,7 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
         if settled or np.count_nonzero(usable) < _LEAST_USABLE * np.count_nonzero(trusted):
             break
         sliding |= _slides(steps, trusted, rate)
-        removed = (*given.steps, *steps)
+        last, removed = paths, (*given.steps, *steps)
         given, previous = Round(_removed(steps, given, prediction), usable & ~sliding, removed), given.usable
     return PathAnalysis(
         holds=holds,

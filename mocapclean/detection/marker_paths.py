@@ -63,10 +63,19 @@ class MarkerPaths:
     threshold: (F, M) mm. breaks, bursts: (F, M). deviation: (F, M) mm, the distance from the path. off_path: (F, M),
     the samples off the path between its first and last frame; samples before and after it may belong to a step. costs:
     (M,), of the paths, in frames. leaps: marker, last frame before and first frame after each link of a path that
-    nothing explains.
+    nothing explains. found: the deviations of the markers with breaks. last: the paths of the round before, whose
+    deviations markers keep if nothing about them has changed.
     """
 
-    def __init__(self, given: Round, filled: Floats, prediction: Prediction, measured: Bools, body: Body) -> None:
+    def __init__(
+        self,
+        given: Round,
+        filled: Floats,
+        prediction: Prediction,
+        measured: Bools,
+        body: Body,
+        last: "MarkerPaths | None" = None,
+    ) -> None:
         self.body, self.filled, self.rotation = body, filled, prediction.rotation
         self.measured, self.usable = measured, given.usable
         self.path_costs = PathCosts(link=_LINK_SECONDS * body.rate, end=_END_SECONDS * body.rate)
@@ -82,8 +91,13 @@ class MarkerPaths:
             self._clear_breaks(self.breaks[:, step.marker], step)
         self.deviation, self.costs = np.zeros(measured.shape), np.zeros(measured.shape[1])
         self.off_path, self.leaps = np.zeros_like(measured), list[tuple[int, int, int]]()
+        self.found = dict[int, Deviations]()
         for marker in np.flatnonzero(self.breaks.any(axis=0)).tolist():
-            path = self._deviations(marker, self.residual[:, marker], self.breaks[:, marker])
+            if last is not None and marker in last.found and self._is_as_in(last, marker):
+                path = last.found[marker]
+            else:
+                path = self._deviations(marker, self.residual[:, marker], self.breaks[:, marker])
+            self.found[marker] = path
             self.leaps += [(marker, *leap) for leap in path.leaps]
             self.deviation[:, marker], self.costs[marker] = path.distance, path.cost
             self.off_path[path.span, marker] = path.distance[path.span] > 0
@@ -173,6 +187,19 @@ class MarkerPaths:
         """Return the deviations of a marker with these residuals (F, 3) and breaks (F,)."""
         threshold, usable = self.threshold[:, marker], self.usable[:, marker]
         return deviations(self.positions[:, marker], residual, breaks, threshold, usable, self.path_costs)
+
+    def _is_as_in(self, last: "MarkerPaths", marker: int) -> bool:
+        """Whether a marker's deviations follow from the same values as in the round before."""
+        return all(
+            np.array_equal(now[:, marker], then[:, marker], equal_nan=now.dtype == float)
+            for now, then in (
+                (self.residual, last.residual),
+                (self.positions, last.positions),
+                (self.breaks, last.breaks),
+                (self.threshold, last.threshold),
+                (self.usable, last.usable),
+            )
+        )
 
     def _clear_breaks(self, breaks: Bools, step: Step) -> None:
         """Clear, in place, the breaks (F,) caused by a step: within a frame of a sudden one, or throughout a slide."""

@@ -62,10 +62,10 @@ def predict(
     """Return the prediction of every marker, or only of some (M,), in every frame.
 
     positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
-    step, in frames; None searches for no steps. screened: whether only those are searched for that may be credible. A
-    marker with fewer than 3 partners or 10 usable frames is not
-    predicted: its predicted position is its mean place in all frames, so that its residual is its own path. known: an
-    earlier prediction, which the markers that are not in ``only`` keep.
+    step, in frames; None searches for no steps. known: an earlier prediction, which the markers that are not in
+    ``only`` keep. screened: whether only steps that may be credible are searched for. A marker with fewer than 3
+    partners or 10 usable frames is not predicted: its predicted position is its mean place in all frames, so that its
+    residual is its own path.
     """
     paths = _paths(positions)
     only = np.ones(usable.shape[1], dtype=bool) if only is None else only
@@ -80,11 +80,11 @@ def predict(
         predicted = predicted | (known.predicted & ~only)
     place[:, alone] = paths[:, alone].mean(axis=2, keepdims=True)
     residual[:, alone] = paths[:, alone] - place[:, alone]
-    rotation[:, :, alone] = np.eye(3)[:, :, None, None]
+    rotation[:, :, alone], everywhere = np.eye(3)[:, :, None, None], np.arange(len(usable))
     for segment in _segments(paths, usable, neighbours, only):
         markers, fit = segment.markers, regress(segment.sample)
-        place[:, markers], rotation[:, :, markers] = segment.predicted(fit), segment.axes
-        residual[:, markers] = _to_segment(paths[:, markers] - place[:, markers], segment.axes)
+        place[:, markers], axes = segment.predicted(paths, everywhere, fit)
+        residual[:, markers], rotation[:, :, markers] = _to_segment(paths[:, markers] - place[:, markers], axes), axes
         if slide is not None:
             penalties = fit.penalties if screened else None
             steps += find_steps(markers, segment.sample, min(slide, len(usable)), penalties)
@@ -110,8 +110,9 @@ def carried(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
     paths, everyone = _paths(positions), np.ones(usable.shape[1], dtype=bool)
     place = np.full_like(paths, np.nan)
     for segment in _segments(paths, usable, _Neighbours.of(rigid), everyone):
-        targets = np.where(segment.rows.weights > 0, segment.targets, np.nan)
-        place[:, segment.markers] = segment.to_world(nan_median(targets, axis=2)[..., None])
+        usual = nan_median(np.where(segment.rows.weights > 0, segment.targets, np.nan), axis=2)
+        _, axes, centre = segment.at(paths, slice(None))
+        place[:, segment.markers] = _to_world(usual[..., None], axes) + centre
     return _samples(place)
 
 
@@ -149,13 +150,22 @@ def complete(
         kept = ~affected(known.interpolated, known.usable, interpolated, usable, rigid)
         filled[:, kept] = known.filled[:, kept]
         wanted &= ~kept
-    if not wanted.any():
-        return Completion(usable, interpolated, filled)
-    prediction = predict(interpolated, usable, rigid, only=wanted)
-    replaced = np.nonzero(~usable & wanted & prediction.predicted & usable.any(axis=0))
-    residual = interpolation.linear(prediction.residual, usable | ~wanted)
-    turned = np.einsum("nij,nj->ni", prediction.rotation[replaced], residual[replaced])
-    filled[replaced] = prediction.positions[replaced] + turned
+    paths = _paths(interpolated)
+    for segment in _segments(paths, usable, _Neighbours.of(rigid), wanted):
+        markers = segment.markers
+        # The frames in gaps, and those beside them, whose residuals are interpolated.
+        lost = ~usable[:, markers]
+        beside = lost.copy()
+        beside[1:] |= lost[:-1]
+        beside[:-1] |= lost[1:]
+        frames = np.flatnonzero(beside.any(axis=1))
+        place, axes = segment.predicted(paths, frames, regress(segment.sample))
+        residual = _to_segment(paths[:, markers[:, None], frames] - place, axes)
+        gaps = lost[frames]
+        residual = _paths(interpolation.linear(_samples(residual), ~gaps, frames))
+        column, rank = np.nonzero(gaps.T)
+        turned = _to_world(residual[:, column, rank], axes[:, :, column, rank])
+        filled[frames[rank], markers[column]] = (place[:, column, rank] + turned).T
     return Completion(usable, interpolated, filled)
 
 
@@ -210,17 +220,20 @@ class _Neighbours:
 
 @dataclass(frozen=True)
 class _Segment:
-    """The body segments of b markers: the paths of their partners, the frames that these span, and what is learnt from.
+    """The body segments of b markers, and what they are learnt from.
 
-    partners: (3, b, K, F) mm. share: (b, K), the partners' weights, of sum 1. scale: (b, K) mm. axes: (3, 3, b, F), the
-    segments' axes in the world. centre: (3, b, F) mm. targets: (3, b, T) mm, the markers in their segments in the rows.
+    columns: (b, K), the partners, with weights and scale (b, K). shape: (3, b, K) mm, their mean shape. In the rows:
+    partners: (3, b, K, T) mm. axes: (3, 3, b, T), of the segments in the world. centre: (3, b, T) mm. targets:
+    (3, b, T) mm, the markers in their segments.
     """
 
     markers: Ints
     rows: Rows
-    partners: Floats
-    share: Floats
+    columns: Ints
+    weights: Floats
     scale: Floats
+    shape: Floats
+    partners: Floats
     axes: Floats
     centre: Floats
     targets: Floats
@@ -228,30 +241,39 @@ class _Segment:
     @cached_property
     def sample(self) -> Sample:
         """The partners, scaled, and the markers in their segments, in the rows."""
-        partners, axes, centre = (
-            self.rows.take(part) for part in (self.partners, self.axes[..., None, :], self.centre[..., None, :])
-        )
-        inputs = _to_segment((partners - centre) / self.scale[..., None], axes).swapaxes(0, 1)
+        scaled = (self.partners - self.centre[:, :, None]) / self.scale[..., None]
+        inputs = _to_segment(scaled, self.axes[..., None, :]).swapaxes(0, 1)
         n_markers, n_coordinates, n_partners, n_rows = inputs.shape
         inputs = inputs.reshape(n_markers, n_coordinates * n_partners, n_rows)
         return Sample.of(inputs, self.targets.swapaxes(0, 1), self.rows)
 
-    def predicted(self, fit: RidgeFit) -> Floats:
-        """Return the predicted positions (3, b, F) of the markers.
+    def at(self, paths: Floats, frames: slice | Ints) -> tuple[Floats, Floats, Floats]:
+        """Return partners (3, b, K, n), axes (3, 3, b, n) and centres (3, b, n) in some frames of paths (3, M, F)."""
+        if self.rows.are_all(paths.shape[2]):
+            return self.partners[..., frames], self.axes[..., frames], self.centre[..., frames]
+        index = frames if isinstance(frames, slice) else frames[None, None]
+        partners = paths[:, self.columns if isinstance(frames, slice) else self.columns[..., None], index]
+        return partners, *align_shapes(self.shape, partners.swapaxes(2, 3), self.weights)
+
+    def predicted(self, paths: Floats, frames: Ints, fit: RidgeFit) -> tuple[Floats, Floats]:
+        """Return predicted positions (3, b, n) of the markers, and the axes (3, 3, b, n), in some frames of all paths.
 
         The inputs are linear in the partners' positions p: Rᵀ(p - c) / scale, with c = Σ share · p. One product of the
         slopes with p gives their sums for each axis of the world and of the segment, and the axes R combine these.
         """
-        n_markers, n_partners = self.share.shape
+        n_markers, n_partners = self.scale.shape
         slopes = fit.slopes.reshape(n_markers, 3, 3, n_partners) / self.scale[:, None, None]
-        slopes = slopes - self.share[:, None, None] * slopes.sum(axis=3, keepdims=True)
-        products = slopes.reshape(n_markers, 9, n_partners) @ self.partners
-        fitted = np.einsum("icbf,ibdcf->dbf", self.axes, products.reshape(3, n_markers, 3, 3, -1))
-        return self.to_world(fitted + np.moveaxis(fit.intercept, 1, 0))
-
-    def to_world(self, local: Floats) -> Floats:
-        """Return places (3, b, F) in the segments as positions in the world."""
-        return _to_world(local, self.axes) + self.centre
+        share = self.weights / self.weights.sum(axis=1, keepdims=True)
+        slopes = (slopes - share[:, None, None] * slopes.sum(axis=3, keepdims=True)).reshape(n_markers, 9, n_partners)
+        intercept = np.moveaxis(fit.intercept, 1, 0)
+        place, all_axes = np.empty((3, n_markers, len(frames))), np.empty((3, 3, n_markers, len(frames)))
+        size = max(1, _BATCH // n_markers)
+        for chunk in (slice(low, low + size) for low in range(0, len(frames), size)):
+            partners, axes, centre = self.at(paths, frames[chunk])
+            products = (slopes @ partners).reshape(3, n_markers, 3, 3, -1)
+            fitted = np.einsum("icbf,ibdcf->dbf", axes, products) + intercept
+            place[..., chunk], all_axes[..., chunk] = _to_world(fitted, axes) + centre, axes
+        return place, all_axes
 
 
 def _segments(paths: Floats, usable: Bools, neighbours: _Neighbours, only: Bools) -> Iterator[_Segment]:
@@ -259,30 +281,36 @@ def _segments(paths: Floats, usable: Bools, neighbours: _Neighbours, only: Bools
 
     paths: (3, M, F), finite everywhere. usable: (F, M), the samples to learn from.
     """
-    columns, size = np.flatnonzero(neighbours.predicted(usable, only)), max(1, _BATCH // len(usable))
-    for markers in (columns[first : first + size] for first in range(0, len(columns), size)):
+    chosen = np.flatnonzero(neighbours.predicted(usable, only))
+    size = max(1, _BATCH // min(len(usable), _MOST_ROWS))
+    for markers in (chosen[first : first + size] for first in range(0, len(chosen), size)):
         usable_frames = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
         rows = Rows.of([frames[evenly_spaced(len(frames), _MOST_ROWS)] for frames in usable_frames])
-        partners, weights = paths[:, neighbours.partners[markers]], neighbours.weights[markers]
-        axes, centre = _segment_frames(partners, weights, rows)
-        in_rows = (rows.take(part[..., None, :])[..., 0, :] for part in (paths[:, markers] - centre, axes))
-        share = weights / weights.sum(axis=1, keepdims=True)
-        targets = _to_segment(*in_rows)
-        yield _Segment(markers, rows, partners, share, neighbours.scale[markers], axes, centre, targets)
+        columns, weights = neighbours.partners[markers], neighbours.weights[markers]
+        partners = _in_rows(paths, columns, rows)
+        shape = _mean_shape(partners, weights, rows)
+        axes, centre = align_shapes(shape, partners.swapaxes(2, 3), weights)
+        targets = _to_segment(_in_rows(paths, markers[:, None], rows)[:, :, 0] - centre, axes)
+        scale = neighbours.scale[markers]
+        yield _Segment(markers, rows, columns, weights, scale, shape, partners, axes, centre, targets)
 
 
-def _segment_frames(partners: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats]:
-    """Return axes (3, 3, b, F) and centres (3, b, F) of the segments that partners (3, b, K, F) span.
+def _in_rows(paths: Floats, columns: Ints, rows: Rows) -> Floats:
+    """Return the samples (3, b, K, T) of markers (b, K) on paths (3, M, F), in the rows of b markers."""
+    if rows.are_all(paths.shape[2]):
+        return np.asarray(paths[:, columns])
+    return np.asarray(paths[:, columns[..., None], rows.frames[:, None]])
 
-    The partners are aligned to their mean shape over 100 of the rows, weighted by (b, K).
-    """
-    chosen = np.linspace(0, rows.number - 1, _SHAPE_FRAMES, axis=1).astype(int)
-    sample = Rows(np.take_along_axis(rows.frames, chosen, axis=1), np.ones(chosen.shape)).take(partners)
+
+def _mean_shape(partners: Floats, weights: Floats, rows: Rows) -> Floats:
+    """Return the mean shape (3, b, K) of partners (3, b, K, T) with weights (b, K), over 100 of the rows."""
+    chosen = np.linspace(0, rows.number - 1, _SHAPE_FRAMES, axis=1).astype(np.intp)
+    sample = np.take_along_axis(partners, chosen[None, :, None], axis=3)
     shape = sample[..., _SHAPE_FRAMES // 2]
     for _ in range(_SHAPE_ROUNDS):
         axes, centre = align_shapes(shape, sample.swapaxes(2, 3), weights)
         shape = _to_segment(sample - centre[:, :, None], axes[..., None, :]).mean(axis=3)
-    return align_shapes(shape, partners.swapaxes(2, 3), weights)
+    return shape
 
 
 def _to_segment(world: Floats, axes: Floats) -> Floats:

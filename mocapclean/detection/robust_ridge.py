@@ -49,12 +49,6 @@ class Rows:
         """Return the number of training frames (b,) of each marker, without padding."""
         return np.asarray(self.weights.sum(axis=1).astype(np.intp))
 
-    def take(self, values: Floats) -> Floats:
-        """Return the values (..., b, n, T) in the training frames, selected from values (..., b, n, F) in all."""
-        if self.are_all(values.shape[-1]):
-            return values
-        return np.stack([np.take(values[..., k, :, :], frames, axis=-1) for k, frames in enumerate(self.frames)], -3)
-
     def are_all(self, n_frames: int) -> bool:
         """Whether every marker is learnt from all frames of a take."""
         return self.frames.shape[1] == n_frames and bool(self.weights.all())
