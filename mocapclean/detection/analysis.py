@@ -16,7 +16,7 @@ from mocapclean.detection.attachment import attached
 from mocapclean.detection.attribution import attributed_steps, credible_steps
 from mocapclean.detection.holds import Hold, find_holds, hold_mask
 from mocapclean.detection.marker_paths import Body, MarkerPaths, Round
-from mocapclean.detection.prediction import Prediction, complete, predict
+from mocapclean.detection.prediction import Completion, Prediction, affected, complete, predict
 from mocapclean.detection.rigid_pairs import RigidPairs
 from mocapclean.detection.step_search import LONGEST_SLIDE
 from mocapclean.detection.steps import SLIDE_SECONDS, Step
@@ -53,12 +53,13 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
     """Return the analysis of positions (F, M, 3) with trust (F, M), taken at ``rate`` Hz."""
     pairs = RigidPairs(np.where(trusted[..., None], positions, np.nan), rigid, rate)
     body = Body(rigid, pairs, rate, attached(positions, trusted, rigid, rate))
-    given, previous = Round(positions, trusted, ()), trusted
+    given, previous, known, last = Round(positions, trusted, ()), trusted, None, None
     sliding = np.zeros_like(trusted)
     for index in range(_ROUNDS):
-        prediction, filled = _predicted(given, body, with_steps=index < _ROUNDS - 1)
+        known = _predicted(given, body, known, with_steps=index < _ROUNDS - 1)
+        filled, prediction = known[0].filled, known[1]
         holds = find_holds(given.positions, trusted, prediction)
-        paths = MarkerPaths(given, filled, prediction, trusted & ~hold_mask(holds, trusted), body)
+        paths = MarkerPaths(given, filled, prediction, trusted & ~hold_mask(holds, trusted), body, last)
         credible = credible_steps(prediction.steps, paths)
         candidates = _candidates(credible, given.steps, paths)
         for step in candidates:
@@ -73,8 +74,8 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
         if settled or np.count_nonzero(usable) < _LEAST_USABLE * np.count_nonzero(trusted):
             break
         sliding |= _slides(steps, trusted, rate)
-        known = (*given.steps, *steps)
-        given, previous = Round(_removed(steps, given, prediction), usable & ~sliding, known), given.usable
+        last, removed = paths, (*given.steps, *steps)
+        given, previous = Round(_removed(steps, given, prediction), usable & ~sliding, removed), given.usable
     return PathAnalysis(
         holds=holds,
         steps=given.steps,
@@ -88,11 +89,22 @@ def analyse(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> 
     )
 
 
-def _predicted(given: Round, body: Body, *, with_steps: bool) -> tuple[Prediction, Floats]:
-    """Return the prediction of all markers, and the completed positions (F, M, 3) that it was made from."""
-    filled = complete(given.positions, given.usable, body.rigid, body.attached)
+def _predicted(
+    given: Round, body: Body, known: tuple[Completion, Prediction] | None, *, with_steps: bool
+) -> tuple[Completion, Prediction]:
+    """Return the completed positions of all markers, and their prediction from these.
+
+    known: those of the round before. Markers that changed neither themselves nor in a partner keep theirs.
+    """
     slide = round(SLIDE_SECONDS * body.rate) if with_steps else None
-    return predict(filled, given.usable, body.rigid, slide=slide, only=body.attached), filled
+    if known is None:
+        completion = complete(given.positions, given.usable, body.rigid, body.attached)
+        return completion, predict(completion.filled, given.usable, body.rigid, slide=slide, only=body.attached)
+    last, prediction = known
+    completion = complete(given.positions, given.usable, body.rigid, body.attached, last)
+    changed = affected(last.filled, last.usable, completion.filled, given.usable, body.rigid)
+    only = changed & body.attached
+    return completion, predict(completion.filled, given.usable, body.rigid, slide=slide, only=only, known=prediction)
 
 
 def _candidates(credible: list[Step], known: tuple[Step, ...], paths: MarkerPaths) -> list[Step]:

@@ -8,7 +8,7 @@ learnt from, against the guess that the marker stays, or moves on as it did.
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.detection.prediction import predict
+from mocapclean.detection.prediction import carried, predict
 from mocapclean.detection.steps import SLIDE_SECONDS
 from mocapclean.detection.stillness import resting, still_samples
 from mocapclean.geometry.distances import Rigidity
@@ -24,6 +24,7 @@ _VELOCITY_SHARE = 0.2  # share of the window before it over which the velocity i
 _FEWEST_FRAMES = 600  # frames, at least, that remain of a take of which only every few are used; chosen for speed
 _LEAST_RATE = 30.0  # Hz, least rate of these frames
 _CLEARLY = 0.5  # share of the mean error of the guess that shows a segment where the median does not
+_CARRIED = 0.5  # share of the median error of the guess that shows one without a regression: no other marker reaches it
 
 
 def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) -> Bools:
@@ -32,6 +33,9 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     For each window of half a second, the error of the predicted change of position is compared with that of a guess:
     no change, or the velocity before the window, whichever is nearer. The prediction must have the smaller median, or
     less than half of the mean. A change does not depend on where in its segment a marker sits.
+
+    Most markers need no regression: their segment carries them. A fixed place in it predicts their changes with less
+    than half of the median error of the guess. Only the others are predicted.
 
     Faults must not hide a segment. Samples that repeat the one before are left out, unless the marker rests in half of
     them. A marker that fails is tried again without the best step of its place among the others.
@@ -42,19 +46,30 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     thinned = max(1, min(len(judged) // _FEWEST_FRAMES, int(rate / _LEAST_RATE)))
     positions, judged, rate = positions[::thinned], judged[::thinned], rate / thinned
     filled = interpolation.linear(positions, judged)
-    found = _are_attached(filled, judged, rigid, rate, np.ones(len(judged[0]), dtype=bool))
+    found = _are_carried(filled, judged, rigid, rate)
+    found |= _are_attached(filled, judged, rigid, rate, ~found)
     left = ~found & (judged.sum(axis=0) > 0)
     if not left.any():
         return found
     slide = round(SLIDE_SECONDS * rate)
-    stepped = predict(filled, judged, rigid, slide=slide, only=left)
+    stepped = predict(filled, judged, rigid, slide=slide, only=left, screened=False)
     for step in stepped.steps:
         filled[step.start :, step.marker] -= stepped.rotation[step.start :, step.marker] @ step.offset
     return found | _are_attached(filled, judged, rigid, rate, left)
 
 
+def _are_carried(filled: Floats, judged: Bools, rigid: Rigidity, rate: float) -> Bools:
+    """Return which markers (M,) their segments carry, by their judged samples (F, M) of positions (F, M, 3)."""
+    block, residual = _blocks(judged), filled - carried(filled, judged, rigid)
+    residual[~judged] = np.nan
+    errors = [_errors(filled[:, m], residual[:, m], block[:, m], rate) for m in range(judged.shape[1])]
+    return np.array([bool(len(e)) and bool(median(e) < _CARRIED * median(guessed)) for e, guessed in errors])
+
+
 def _are_attached(filled: Floats, judged: Bools, rigid: Rigidity, rate: float, only: Bools) -> Bools:
     """Return which of some markers (M,) are attached, by their judged samples (F, M) of positions (F, M, 3)."""
+    if not only.any():
+        return only
     block = _blocks(judged)
     # Samples as predicted by regressions that were learnt from the other blocks.
     residual = np.full(filled.shape, np.nan)
@@ -63,8 +78,12 @@ def _are_attached(filled: Floats, judged: Bools, rigid: Rigidity, rate: float, o
         prediction = predict(filled, judged & ~left_out, rigid, only=only)
         known = left_out & prediction.predicted
         residual[known] = (filled - prediction.positions)[known]
-    tests = [_is_attached(filled[:, m], residual[:, m], block[:, m], rate) for m in range(len(only))]
-    return np.array(tests) & only
+    attached = np.zeros_like(only)
+    for m in np.flatnonzero(only).tolist():
+        error, guessed = _errors(filled[:, m], residual[:, m], block[:, m], rate)
+        if len(error):
+            attached[m] = median(error) < median(guessed) or error.mean() < _CLEARLY * guessed.mean()
+    return attached
 
 
 def _blocks(trusted: Bools) -> Ints:
@@ -73,8 +92,11 @@ def _blocks(trusted: Bools) -> Ints:
     return np.where(trusted, _BLOCKS * rank // number, -1)
 
 
-def _is_attached(path: Floats, residual: Floats, block: Ints, rate: float) -> bool:
-    """Whether one marker's changes are predicted better than guessed; path, residual: (F, 3), block: (F,)."""
+def _errors(path: Floats, residual: Floats, block: Ints, rate: float) -> tuple[Floats, Floats]:
+    """Return the errors (n,) of one marker's predicted and of its guessed changes, mm, over all windows.
+
+    path, residual: (F, 3) mm, the residual NaN where it does not count. block: (F,).
+    """
     size = int(np.count_nonzero(block >= 0)) // _BLOCKS
     length = max(1, min(round(_WINDOW_SECONDS * rate), size // _WINDOW_BLOCKS))
     before = max(1, round(_VELOCITY_SHARE * length))
@@ -83,11 +105,7 @@ def _is_attached(path: Floats, residual: Floats, block: Ints, rate: float) -> bo
     # Windows that lie in one block, with a known velocity before them.
     seen = (block[start] == block[end]) & (block[start - before] >= 0) & np.isfinite(residual[start, 0])
     start, end = start[seen], end[seen]
-    if not len(start):
-        return False
     error = np.linalg.norm(residual[end] - residual[start], axis=1)
     change = path[end] - path[start]
     moved_on = (path[start] - path[start - before]) * (length / before)
-    guessed = np.minimum(np.linalg.norm(change, axis=1), np.linalg.norm(change - moved_on, axis=1))
-    by_median = median(error) < median(guessed)
-    return bool(by_median or error.mean() < _CLEARLY * guessed.mean())
+    return error, np.minimum(np.linalg.norm(change, axis=1), np.linalg.norm(change - moved_on, axis=1))

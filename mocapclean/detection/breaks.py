@@ -11,7 +11,7 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
 from mocapclean.arrays import Bools, Floats, column_runs
-from mocapclean.numerics.robust import nan_median, nan_quantiles
+from mocapclean.numerics.robust import nan_median, ordered_quantiles
 
 LEAST_BREAK = 8.0  # mm, no smaller innovation is a break
 _MEDIANS = 3.0  # median innovations that noise may reach while the marker accelerates
@@ -72,13 +72,16 @@ def bursts(innovation: Floats, usable: Bools, predicted: Floats) -> Bools:
     burst = np.zeros_like(usable)
     if len(innovation) < _BURST_WINDOW:
         return burst
-    median = np.full_like(innovation, np.nan)
     half = _BURST_WINDOW // 2
-    median[half : len(median) - half] = nan_median(sliding_window_view(innovation, _BURST_WINDOW, axis=0), axis=2)
-    above = median > break_thresholds(median, usable, predicted)
-    for marker, start, stop in column_runs(above):
+    # No other markers have a median above the least threshold.
+    markers = np.flatnonzero((innovation > LEAST_BREAK).any(axis=0))
+    median = np.full((len(innovation), len(markers)), np.nan)
+    windows = sliding_window_view(innovation[:, markers], _BURST_WINDOW, axis=0)
+    median[half : len(median) - half] = nan_median(windows, axis=2)
+    above = median > break_thresholds(median, usable[:, markers], predicted[:, markers])
+    for column, start, stop in column_runs(above):
         if stop - start >= _SHORTEST_BURST:
-            burst[start : stop - 1, marker] = True
+            burst[start : stop - 1, markers[column]] = True
     return burst
 
 
@@ -89,9 +92,12 @@ def noise_tail(noise: Floats) -> tuple[Floats, Floats]:
     q. The first pass uses the 75th percentile, the others the 95th without the values beyond the tail so far: faults in
     a twentieth of the frames do not hide themselves.
     """
+    ordered = np.sort(noise, axis=0)
+    count = np.sum(~np.isnan(noise), axis=0)
     for share in _TAIL_SHARES:
-        median, high = np.nan_to_num(nan_quantiles(noise, (0.5, share)))
+        median, high = np.nan_to_num(ordered_quantiles(ordered, count, (0.5, share)))
         # d = (q - m) ln(½ / p) / ln(½ / (1 - share)) for a tail probability p.
         rare = median + (high - median) * np.log(0.5 / _RARE) / np.log(0.5 / (1 - share))
-        noise = np.where(noise > np.maximum(rare, LEAST_BREAK), np.nan, noise)
+        # The values beyond are the last ones in order.
+        count = np.minimum(count, np.sum(ordered <= np.maximum(rare, LEAST_BREAK), axis=0))
     return median, rare

@@ -7,11 +7,10 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 """
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, runs
+from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.geometry.distances import Rigidity
 from mocapclean.numerics.robust import nan_median
 
@@ -23,6 +22,7 @@ _GAP_WINDOW_SECONDS = 1.0  # s, time on each side of a gap of both markers that 
 _FEWEST_SEEN = 5  # frames of such a window in which two markers must be seen
 _LEAST_CHANGE = 15.0  # mm, mean change of the distances over a gap from which on an exchange is considered
 _LEAST_ERROR = 1e-9  # mm, keeps paths without any error from a division by 0
+_AT_ONCE = 2**20  # numbers of distances that are compared at once; bounds the memory
 _TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation
 
 
@@ -104,46 +104,82 @@ def _changes_over_gaps(positions: Floats, window: int) -> list[tuple[tuple[int, 
     The distances to the five most rigid others must agree three times better with those before the gap if the labels
     are exchanged. They are medians over ``window`` frames on each side.
     """
-    seen = np.isfinite(positions[..., 0])
-    gaps = [
-        [span for span in runs(~seen[:, m]).tolist() if span[0] > 0 and span[1] < len(seen)]
-        for m in range(len(seen[0]))
+    pairs = _common_gaps(np.isfinite(positions[..., 0]))
+    if not len(pairs):
+        return []
+    first, second, start, stop = pairs.T
+    # The windows of all pairs: two markers, before and after the gap. Many are the same.
+    ends = (np.maximum(start - window, 0), start), (stop, np.minimum(stop + window, len(positions)))
+    of_pairs = np.stack([np.stack([marker, *end], axis=1) for end in ends for marker in (first, second)])
+    windows, place = np.unique(of_pairs.reshape(-1, 3), axis=0, return_inverse=True)
+    medians, spreads = _usual_distances(positions, windows)
+    place, size = place.reshape(2, 2, -1), max(1, _AT_ONCE // len(medians[0]))
+    fits = [
+        _exchange_fits(medians[place[..., chunk]], spreads[place[..., chunk]], first[chunk], second[chunk])
+        for chunk in (slice(low, low + size) for low in range(0, len(pairs), size))
     ]
-    changes = []
-    for first, second in combinations([m for m, spans in enumerate(gaps) if spans], 2):
-        for start, stop in _common_gaps(gaps[first], gaps[second]):
-            before, after = positions[max(0, start - window) : start], positions[stop : stop + window]
-            if _exchange_fits(before, after, first, second):
-                changes.append(((first, second), stop))
-    return changes
+    return [((int(a), int(b)), int(frame)) for a, b, _, frame in pairs[np.concatenate(fits)]]
 
 
-def _common_gaps(one: list[list[int]], other: list[list[int]]) -> list[tuple[int, int]]:
-    """Return the spans from the first to the last frame of each two gaps, of two markers, that overlap."""
-    pairs = [(a, b) for a in one for b in other if a[0] < b[1] and b[0] < a[1]]
-    return sorted({(min(a[0], b[0]), max(a[1], b[1])) for a, b in pairs})
+def _common_gaps(seen: Bools) -> Ints:
+    """Return the gaps of two markers that overlap, as rows: both markers, and the span (start, stop) of both gaps.
+
+    seen: (F, M). Gaps at the start or end of the take do not count.
+    """
+    gaps = np.array([gap for gap in column_runs(~seen) if gap[1] > 0 and gap[2] < len(seen)], dtype=np.intp)
+    if not len(gaps):
+        return np.empty((0, 4), dtype=np.intp)
+    gaps = gaps[np.argsort(gaps[:, 1], kind="stable")]
+    # In the order of their starts, a gap overlaps those after it that start before it stops.
+    number = np.searchsorted(gaps[:, 1], gaps[:, 2]) - np.arange(len(gaps)) - 1
+    one = np.repeat(np.arange(len(gaps)), number)
+    other = one + 1 + np.arange(len(one)) - np.repeat(np.cumsum(number) - number, number)
+    markers = np.sort(np.stack([gaps[one, 0], gaps[other, 0]], axis=1), axis=1)
+    span = np.stack([gaps[one, 1], np.maximum(gaps[one, 2], gaps[other, 2])], axis=1)
+    return np.unique(np.concatenate([markers, span], axis=1), axis=0)
 
 
-def _exchange_fits(before: Floats, after: Floats, first: int, second: int) -> bool:
-    """Whether the distances of two markers after a gap fit those before it only if they carry each other's label."""
-    medians, spreads = [], []
-    for part in (before, after):
-        distances = np.linalg.norm(part[:, [first, second], None] - part[:, None], axis=3)
-        often = np.isfinite(distances).sum(axis=0) >= _FEWEST_SEEN
-        medians.append(np.where(often, nan_median(distances), np.nan))
-        spreads.append(_TO_SD * nan_median(np.abs(distances - medians[-1])))
+def _usual_distances(positions: Floats, windows: Ints) -> tuple[Floats, Floats]:
+    """Return the medians and robust SDs (w, M), mm, of the distances of a marker to all others in windows (w, 3).
+
+    windows: the marker, and the frames (start, stop), in the order of the markers. The median is NaN where both are
+    seen in fewer than 5 frames.
+    """
+    paths = np.ascontiguousarray(positions.transpose(2, 1, 0))
+    medians, spreads = np.full((2, len(windows), paths.shape[1]), np.nan)
+    length = windows[:, 2] - windows[:, 1]
+    for marker, size in np.unique(np.stack([windows[:, 0], length], axis=1), axis=0).tolist():
+        equal = np.flatnonzero((windows[:, 0] == marker) & (length == size))
+        n_at_once = max(1, _AT_ONCE // (size * paths.shape[1]))
+        for few in (equal[low : low + n_at_once] for low in range(0, len(equal), n_at_once)):
+            frames = windows[few, 1][:, None] + np.arange(size)
+            offsets = paths[:, :, frames] - paths[:, marker, None][:, :, frames]
+            distances = np.sqrt(np.einsum("cmwf,cmwf->wmf", offsets, offsets))
+            often = np.isfinite(distances).sum(axis=2) >= _FEWEST_SEEN
+            medians[few] = np.where(often, nan_median(distances, axis=2), np.nan)
+            spreads[few] = _TO_SD * nan_median(np.abs(distances - medians[few][..., None]), axis=2)
+    return medians, spreads
+
+
+def _exchange_fits(medians: Floats, spreads: Floats, first: Ints, second: Ints) -> Bools:
+    """Whether (n,) the distances of two markers after a gap fit those before only if they carry each other's label.
+
+    medians, spreads: (2, 2, n, M) mm, of the distances before and after the gap, of the first (n,) and second marker.
+    """
+    each = np.arange(len(first))
     # The spread of a distance, over both markers and both sides of the gap; NaN where one of them is unknown.
-    spread = np.sum(spreads, axis=(0, 1))
-    spread[[first, second]] = np.nan
-    closest = np.argsort(spread)[:_CLOSEST_PARTNERS]
-    closest = closest[np.isfinite(spread[closest])]
-    if not len(closest):
-        return False
-    old, new, weight = medians[0][:, closest], medians[1][:, closest], 1.0 / (spread[closest] + _DISTANCE_SLACK)
+    spread = spreads.sum(axis=(0, 1))
+    spread[each, first] = spread[each, second] = np.nan
+    closest = np.argsort(spread, axis=1)[:, :_CLOSEST_PARTNERS]
+    spread = np.take_along_axis(spread, closest, axis=1)
+    known = np.isfinite(spread)
+    old, new = np.where(known, np.take_along_axis(medians, closest[None, None], axis=3), 0.0)
+    weight = np.where(known, 1.0 / (spread + _DISTANCE_SLACK), 0.0)
+    total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
     as_labelled, exchanged = (
-        np.average(np.abs(order - old).mean(axis=0), weights=weight) for order in (new, new[::-1])
+        (np.abs(order - old).mean(axis=0) * weight).sum(axis=1) / total for order in (new, new[::-1])
     )
-    return bool(as_labelled >= _LEAST_CHANGE and exchanged < _MOST_ERROR * as_labelled)
+    return np.asarray((as_labelled >= _LEAST_CHANGE) & (exchanged < _MOST_ERROR * as_labelled))
 
 
 def _prediction_errors(paths: Floats, frame: int) -> Floats:

@@ -111,7 +111,7 @@ class Enclosure:
         """
         analysis = self.evidence.analysis
         ends = SegmentEnds.of(analysis.residual[:, marker], np.array([[start - 2, start], [stop, stop + 2]]))
-        misses = np.linalg.norm(ends.misses(1, np.array([0]), np.array([stop - start + 1]))[:, 0], axis=1)
+        misses = ends.misses(np.array([1]), np.array([0]), np.array([stop - start + 1]))[:, 0]
         miss = misses.min() if analysis.predicted[marker] else misses[1:].max()
         return bool(miss <= analysis.threshold[[start, stop], marker].min())
 

@@ -11,7 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.breaks import break_thresholds, bursts, innovations
 from mocapclean.detection.paths import Deviations, PathCosts, deviations
-from mocapclean.detection.prediction import Prediction, predict
+from mocapclean.detection.prediction import Prediction, steps_of
 from mocapclean.detection.rigid_pairs import RigidPairs
 from mocapclean.detection.steps import SLIDE_SECONDS, SNAP, Step, is_certain, same_time
 from mocapclean.geometry.distances import Rigidity
@@ -63,17 +63,26 @@ class MarkerPaths:
     threshold: (F, M) mm. breaks, bursts: (F, M). deviation: (F, M) mm, the distance from the path. off_path: (F, M),
     the samples off the path between its first and last frame; samples before and after it may belong to a step. costs:
     (M,), of the paths, in frames. leaps: marker, last frame before and first frame after each link of a path that
-    nothing explains.
+    nothing explains. found: the deviations of the markers with breaks. last: the paths of the round before, whose
+    deviations markers keep if nothing about them has changed.
     """
 
-    def __init__(self, given: Round, filled: Floats, prediction: Prediction, measured: Bools, body: Body) -> None:
+    def __init__(
+        self,
+        given: Round,
+        filled: Floats,
+        prediction: Prediction,
+        measured: Bools,
+        body: Body,
+        last: "MarkerPaths | None" = None,
+    ) -> None:
         self.body, self.filled, self.rotation = body, filled, prediction.rotation
         self.measured, self.usable = measured, given.usable
         self.path_costs = PathCosts(link=_LINK_SECONDS * body.rate, end=_END_SECONDS * body.rate)
         self.half_slide = round(SLIDE_SECONDS * body.rate / 2)
         self.positions = np.where(measured[..., None], given.positions, np.nan)
         # Residual in the axes of the segment: r = (x - x̂) R, for row vectors.
-        self.residual = ((self.positions - prediction.positions)[..., None, :] @ prediction.rotation)[..., 0, :]
+        self.residual = np.einsum("fmi,fmij->fmj", self.positions - prediction.positions, prediction.rotation)
         innovation = innovations(self.positions, self.residual)
         guide = _guide(filled, prediction)
         self.threshold = break_thresholds(innovation, given.usable, guide)
@@ -82,8 +91,13 @@ class MarkerPaths:
             self._clear_breaks(self.breaks[:, step.marker], step)
         self.deviation, self.costs = np.zeros(measured.shape), np.zeros(measured.shape[1])
         self.off_path, self.leaps = np.zeros_like(measured), list[tuple[int, int, int]]()
+        self.found = dict[int, Deviations]()
         for marker in np.flatnonzero(self.breaks.any(axis=0)).tolist():
-            path = self._deviations(marker, self.residual[:, marker], self.breaks[:, marker])
+            if last is not None and marker in last.found and self._is_as_in(last, marker):
+                path = last.found[marker]
+            else:
+                path = self._deviations(marker, self.residual[:, marker], self.breaks[:, marker])
+            self.found[marker] = path
             self.leaps += [(marker, *leap) for leap in path.leaps]
             self.deviation[:, marker], self.costs[marker] = path.distance, path.cost
             self.off_path[path.span, marker] = path.distance[path.span] > 0
@@ -132,7 +146,7 @@ class MarkerPaths:
         filled = self.filled.copy()
         filled[removed.start :, removed.marker] -= self.rotation[removed.start :, removed.marker] @ removed.offset
         only = np.arange(filled.shape[1]) == step.marker
-        left = predict(filled, self.usable, self.body.rigid, slide=2 * self.half_slide, only=only).steps
+        left = steps_of(filled, self.usable, self.body.rigid, 2 * self.half_slide, only)
         return max((other.score for other in left if self.same_time(other, step)), default=0.0)
 
     def agreement(self, step: Step, excluded: int | None = None) -> float:
@@ -173,6 +187,19 @@ class MarkerPaths:
         """Return the deviations of a marker with these residuals (F, 3) and breaks (F,)."""
         threshold, usable = self.threshold[:, marker], self.usable[:, marker]
         return deviations(self.positions[:, marker], residual, breaks, threshold, usable, self.path_costs)
+
+    def _is_as_in(self, last: "MarkerPaths", marker: int) -> bool:
+        """Whether a marker's deviations follow from the same values as in the round before."""
+        return all(
+            np.array_equal(now[:, marker], then[:, marker], equal_nan=now.dtype == float)
+            for now, then in (
+                (self.residual, last.residual),
+                (self.positions, last.positions),
+                (self.breaks, last.breaks),
+                (self.threshold, last.threshold),
+                (self.usable, last.usable),
+            )
+        )
 
     def _clear_breaks(self, breaks: Bools, step: Step) -> None:
         """Clear, in place, the breaks (F,) caused by a step: within a frame of a sudden one, or throughout a slide."""

@@ -7,7 +7,6 @@ The constants were chosen by hand on the takes of ``bench trust``, seeds 0 to 4 
 """
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -88,11 +87,10 @@ def deviations(
 def _leaps(chain: Ints, segments: Ints, links: "_Links") -> tuple[tuple[int, int], ...]:
     """Return the last frame before and the first after each link of a chain of segments (n, 2) with a cost."""
     place = np.searchsorted(segments[:, 0], chain[:, 0])
-    leaps = []
-    for earlier, later in pairwise(place.tolist()):
-        if links.costs(later, np.array([earlier]))[0] > 0:
-            leaps.append((int(segments[earlier, 1]) - 1, int(segments[later, 0])))
-    return tuple(leaps)
+    earlier, later = place[:-1], place[1:]
+    unexplained = links.costs(later, earlier) > 0
+    before, after = segments[earlier[unexplained], 1] - 1, segments[later[unexplained], 0]
+    return tuple(zip(before.tolist(), after.tolist(), strict=True))
 
 
 def _widened(breaks: Bools) -> Bools:
@@ -138,24 +136,22 @@ class _Links:
         self.breaks, self.threshold, self.lag_limits = breaks, threshold, lag_limits
         self.unexplained = unexplained
 
-    def costs(self, segment: int, earlier: Ints) -> Floats:
-        """Return the costs (j,) of the links from earlier segments (j,): 0 where the segment can follow."""
-        start, before = self.starts[segment], self.stops[earlier] - 1
+    def costs(self, later: Ints, earlier: Ints) -> Floats:
+        """Return the costs (...) of the links from earlier to later segments (...): 0 where the later can follow."""
+        start, before = self.starts[later], self.stops[earlier] - 1
         gap = start - before
         # By the residual: kept, or extrapolated from either end, within a limit that grows with the gap.
-        misses = self.of_residual.misses(segment, earlier, gap)
         limit = self._limits(start, before, gap)
-        follows = (np.einsum("kjc,kjc->kj", misses, misses) <= limit**2).any(axis=0)
+        follows = (self.of_residual.misses(later, earlier, gap) <= limit).any(axis=0)
         # By the position, over short gaps only: extrapolated from either end.
-        near = (gap <= _POSITION_GAP) & (self.several[segment] | self.several[earlier])
-        misses = self.of_position.misses(segment, earlier, gap)[1:]
-        follows |= near & (np.einsum("kjc,kjc->kj", misses, misses) <= self.threshold[start] ** 2).any(axis=0)
+        near = (gap <= _POSITION_GAP) & (self.several[later] | self.several[earlier])
+        follows |= near & (self.of_position.misses(later, earlier, gap)[1:] <= self.threshold[start]).any(axis=0)
         # Adjacent frames without a break between them.
         follows |= (gap == 1) & ~self.breaks[start]
         return np.where(follows, 0.0, self.unexplained)
 
-    def _limits(self, start: int, before: Ints, gap: Ints) -> Floats:
-        """Return how far (j,) the residual may change over gaps (j,) that begin at frames before (j,)."""
+    def _limits(self, start: Ints, before: Ints, gap: Ints) -> Floats:
+        """Return how far (...) the residual may change over gaps (...) from frames before (...) to a start (...)."""
         limit = np.maximum(self.threshold[start], self.threshold[before])
         grown = np.maximum(limit * (1 + _LIMIT_GROWTH * (gap - _SHORT_GAP)), np.interp(gap, _LAGS, self.lag_limits))
         return np.asarray(np.where(gap > _SHORT_GAP, grown, limit))

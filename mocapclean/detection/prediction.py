@@ -2,19 +2,25 @@
 
 The most rigid partners of a marker span a frame that travels with its segment; most of the motion is gone in it. There
 the place of the marker is regressed on the places of the partners. Steps are searched for on request.
+
+Shapes: b markers that are predicted at once, K partners, F frames, T rows (frames that a marker is learnt from). Frames
+are the last axis here, so that the samples of a path lie side by side in memory.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
-from mocapclean.detection.robust_ridge import Rows, regress
+from mocapclean.detection.robust_ridge import RidgeFit, Rows, Sample, regress
 from mocapclean.detection.step_search import find_steps
 from mocapclean.detection.steps import Step
 from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import PARTNERS, Rigidity
 from mocapclean.numerics import interpolation
+from mocapclean.numerics.robust import nan_median
 
 # Chosen by hand on the takes of `bench trust`, seeds 0 to 4 (docs/results.md), where no other reason is given; no sweep
 # was kept.
@@ -44,58 +50,143 @@ class Prediction:
 
 
 def predict(
-    positions: Floats, usable: Bools, rigid: Rigidity, *, slide: int | None = None, only: Bools | None = None
+    positions: Floats,
+    usable: Bools,
+    rigid: Rigidity,
+    *,
+    slide: int | None = None,
+    only: Bools | None = None,
+    known: Prediction | None = None,
+    screened: bool = True,
 ) -> Prediction:
     """Return the prediction of every marker, or only of some (M,), in every frame.
 
     positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
-    step, in frames; None searches for no steps. A marker with fewer than 3 partners or 10 usable frames is not
-    predicted: its predicted position is its mean place in all frames, so that its residual is its own path.
+    step, in frames; None searches for no steps. known: an earlier prediction, which the markers that are not in
+    ``only`` keep. screened: whether only steps that may be credible are searched for. A marker with fewer than 3
+    partners or 10 usable frames is not predicted: its predicted position is its mean place in all frames, so that its
+    residual is its own path.
     """
-    n_frames, n_markers = usable.shape
-    predicted_positions = np.repeat(positions.mean(axis=0, keepdims=True), n_frames, axis=0)
-    rotation = np.broadcast_to(np.eye(3), (n_frames, n_markers, 3, 3)).copy()
-    residual = positions - predicted_positions
+    paths = _paths(positions)
+    only = np.ones(usable.shape[1], dtype=bool) if only is None else only
     neighbours = _Neighbours.of(rigid)
-    predicted = np.count_nonzero(neighbours.weights, axis=1) >= _FEWEST_PARTNERS
-    predicted &= (np.count_nonzero(usable, axis=0) >= _FEWEST_FRAMES) & (True if only is None else only)
+    predicted = neighbours.predicted(usable, only)
+    if known is None:
+        place, residual = np.empty_like(paths), np.empty_like(paths)
+        rotation, alone, steps = np.empty((3, *paths.shape)), ~predicted, list[Step]()
+    else:
+        place, residual, rotation = (_paths(part).copy() for part in (known.positions, known.residual, known.rotation))
+        alone, steps = only & ~predicted, [step for step in known.steps if not only[step.marker]]
+        predicted = predicted | (known.predicted & ~only)
+    place[:, alone] = paths[:, alone].mean(axis=2, keepdims=True)
+    residual[:, alone] = paths[:, alone] - place[:, alone]
+    rotation[:, :, alone], everywhere = np.eye(3)[:, :, None, None], np.arange(len(usable))
+    for segment in _segments(paths, usable, neighbours, only):
+        markers, fit = segment.markers, regress(segment.sample)
+        place[:, markers], axes = segment.predicted(paths, everywhere, fit)
+        residual[:, markers], rotation[:, :, markers] = _to_segment(paths[:, markers] - place[:, markers], axes), axes
+        if slide is not None:
+            penalties = fit.penalties if screened else None
+            steps += find_steps(markers, segment.sample, min(slide, len(usable)), penalties)
+    steps = [] if slide is None else sorted(steps, key=lambda step: step.marker)
+    return Prediction(_samples(place), _samples(residual), _samples(rotation), predicted, tuple(steps))
+
+
+def steps_of(positions: Floats, usable: Bools, rigid: Rigidity, slide: int, only: Bools) -> list[Step]:
+    """Return the steps that ``predict`` finds for some markers (M,), without the prediction of every frame."""
     steps: list[Step] = []
-    paths = positions.transpose(2, 1, 0)
-    columns, batch = np.flatnonzero(predicted), max(1, _BATCH // n_frames)
-    for markers in (columns[first : first + batch] for first in range(0, len(columns), batch)):
-        usable_frames = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
-        rows = Rows.of([frames[evenly_spaced(len(frames), _MOST_ROWS)] for frames in usable_frames])
-        # The frames of the segments, and in them the inputs (partners, scaled) and the targets (the markers).
-        partners = paths[:, neighbours.partners[markers]].swapaxes(2, 3)
-        axes, centre = _segment_frames(partners, neighbours.weights[markers], rows)
-        local = _to_segment(partners - centre[..., None], axes[..., None]) / neighbours.scale[markers, None]
-        inputs = np.moveaxis(local, 0, 2).reshape(len(markers), n_frames, -1)
-        targets = np.moveaxis(_to_segment(paths[:, markers] - centre, axes), 0, 2)
-        learnt_from = rows.take(inputs), rows.take(targets), rows
-        fitted = regress(*learnt_from).predict(inputs)
-        steps += [] if slide is None else find_steps(markers, *learnt_from, min(slide, n_frames))
-        residual[:, markers] = (targets - fitted).swapaxes(0, 1)
-        rotation[:, markers] = np.moveaxis(axes, (2, 3), (1, 0))
-        world = _to_world(np.moveaxis(fitted, 2, 0), axes) + centre
-        predicted_positions[:, markers] = np.moveaxis(world, (0, 2), (2, 0))
-    return Prediction(predicted_positions, residual, rotation, predicted, tuple(steps))
+    for segment in _segments(_paths(positions), usable, _Neighbours.of(rigid), only):
+        penalties = regress(segment.sample).penalties
+        steps += find_steps(segment.markers, segment.sample, min(slide, len(usable)), penalties)
+    return steps
 
 
-def complete(positions: Floats, usable: Bools, rigid: Rigidity, attached: Bools | None = None) -> Floats:
+def carried(positions: Floats, usable: Bools, rigid: Rigidity) -> Floats:
+    """Return the positions (F, M, 3) of markers that keep their median place in the frame of their segment.
+
+    NaN for markers that cannot be predicted. Nothing else is learnt, which takes a fraction of the time of a
+    prediction. positions: (F, M, 3), finite everywhere. usable: (F, M).
+    """
+    paths, everyone = _paths(positions), np.ones(usable.shape[1], dtype=bool)
+    place = np.full_like(paths, np.nan)
+    for segment in _segments(paths, usable, _Neighbours.of(rigid), everyone):
+        usual = nan_median(np.where(segment.rows.weights > 0, segment.targets, np.nan), axis=2)
+        _, axes, centre = segment.at(paths, slice(None))
+        place[:, segment.markers] = _to_world(usual[..., None], axes) + centre
+    return _samples(place)
+
+
+@dataclass(frozen=True)
+class Completion:
+    """Positions (F, M, 3) in which samples that are not usable (F, M) are replaced, and how.
+
+    interpolated: by interpolation over time. filled: by the predicted position plus the residual interpolated over the
+    gap, for markers that are attached to others and predicted; else interpolated.
+    """
+
+    usable: Bools
+    interpolated: Floats
+    filled: Floats
+
+
+def complete(
+    positions: Floats,
+    usable: Bools,
+    rigid: Rigidity,
+    attached: Bools | None = None,
+    known: Completion | None = None,
+) -> Completion:
     """Return positions (F, M, 3) in which samples that are not usable (F, M) are replaced.
 
-    By the predicted position plus the residual interpolated over the gap; by interpolation for markers that are not
-    attached (M,) to others, or not predicted. All are attached if None is given.
+    attached: (M,), the markers attached to others; all if None is given. known: an earlier completion, which markers
+    keep if neither they nor their partners have changed.
     """
     interpolated = interpolation.linear(positions, usable)
-    if usable.all():
-        return interpolated
-    with_gaps = np.asarray(~usable.all(axis=0))
-    prediction = predict(interpolated, usable, rigid, only=with_gaps if attached is None else with_gaps & attached)
-    residual = interpolation.linear(prediction.residual, usable)
-    completed = prediction.positions + (prediction.rotation @ residual[..., None])[..., 0]
-    replaced = ~usable & prediction.predicted & usable.any(axis=0)
-    return np.where(replaced[..., None], completed, interpolated)
+    filled = interpolated.copy()
+    wanted = np.asarray(~usable.all(axis=0))
+    if attached is not None:
+        wanted &= attached
+    if known is not None:
+        kept = ~affected(known.interpolated, known.usable, interpolated, usable, rigid)
+        filled[:, kept] = known.filled[:, kept]
+        wanted &= ~kept
+    paths = _paths(interpolated)
+    for segment in _segments(paths, usable, _Neighbours.of(rigid), wanted):
+        markers = segment.markers
+        # The frames in gaps, and those beside them, whose residuals are interpolated.
+        lost = ~usable[:, markers]
+        beside = lost.copy()
+        beside[1:] |= lost[:-1]
+        beside[:-1] |= lost[1:]
+        frames = np.flatnonzero(beside.any(axis=1))
+        place, axes = segment.predicted(paths, frames, regress(segment.sample))
+        residual = _to_segment(paths[:, markers[:, None], frames] - place, axes)
+        gaps = lost[frames]
+        residual = _paths(interpolation.linear(_samples(residual), ~gaps, frames))
+        column, rank = np.nonzero(gaps.T)
+        turned = _to_world(residual[:, column, rank], axes[:, :, column, rank])
+        filled[frames[rank], markers[column]] = (place[:, column, rank] + turned).T
+    return Completion(usable, interpolated, filled)
+
+
+def affected(before: Floats, usable_before: Bools, after: Floats, usable: Bools, rigid: Rigidity) -> Bools:
+    """Return the markers (M,) whose prediction may differ after a change of positions (F, M, 3) or usable (F, M).
+
+    They are those that have changed themselves, and those of whose partners one has.
+    """
+    changed = (before != after).any(axis=(0, 2)) | (usable_before != usable).any(axis=0)
+    neighbours = _Neighbours.of(rigid)
+    return np.asarray(changed | (changed[neighbours.partners] & (neighbours.weights > 0)).any(axis=1))
+
+
+def _paths(samples: Floats) -> Floats:
+    """Return samples (F, M, ...) with the frames last and the markers before them, contiguous in memory."""
+    return np.ascontiguousarray(np.moveaxis(samples, (0, 1), (-1, -2)))
+
+
+def _samples(paths: Floats) -> Floats:
+    """Return paths (..., M, F) with the frames first and the markers second, in the same memory."""
+    return np.moveaxis(paths, (-1, -2), (0, 1))
 
 
 @dataclass(frozen=True)
@@ -121,20 +212,105 @@ class _Neighbours:
             scale[marker, : len(own)] = np.sqrt(rigid.spread[marker, own] ** 2 + _SCALE_SLACK)
         return cls(partners, weights, scale)
 
+    def predicted(self, usable: Bools, only: Bools) -> Bools:
+        """Return which of some markers (M,) can be predicted from their usable samples (F, M)."""
+        enough = np.count_nonzero(self.weights, axis=1) >= _FEWEST_PARTNERS
+        return np.asarray(only & enough & (np.count_nonzero(usable, axis=0) >= _FEWEST_FRAMES))
 
-def _segment_frames(partners: Floats, weights: Floats, rows: Rows) -> tuple[Floats, Floats]:
-    """Return axes (3, 3, b, F) and centres (3, b, F) of the segments that partners (3, b, F, K) span.
 
-    The partners are aligned to their mean shape over 100 of the rows, weighted by (b, K).
+@dataclass(frozen=True)
+class _Segment:
+    """The body segments of b markers, and what they are learnt from.
+
+    columns: (b, K), the partners, with weights and scale (b, K). shape: (3, b, K) mm, their mean shape. In the rows:
+    partners: (3, b, K, T) mm. axes: (3, 3, b, T), of the segments in the world. centre: (3, b, T) mm. targets:
+    (3, b, T) mm, the markers in their segments.
     """
-    chosen = np.linspace(0, rows.number - 1, _SHAPE_FRAMES, axis=1).astype(int)
-    frames = np.take_along_axis(rows.frames, chosen, axis=1)
-    sample = np.take_along_axis(partners, frames[None, :, :, None], axis=2)
-    shape = sample[:, :, _SHAPE_FRAMES // 2]
+
+    markers: Ints
+    rows: Rows
+    columns: Ints
+    weights: Floats
+    scale: Floats
+    shape: Floats
+    partners: Floats
+    axes: Floats
+    centre: Floats
+    targets: Floats
+
+    @cached_property
+    def sample(self) -> Sample:
+        """The partners, scaled, and the markers in their segments, in the rows."""
+        scaled = (self.partners - self.centre[:, :, None]) / self.scale[..., None]
+        inputs = _to_segment(scaled, self.axes[..., None, :]).swapaxes(0, 1)
+        n_markers, n_coordinates, n_partners, n_rows = inputs.shape
+        inputs = inputs.reshape(n_markers, n_coordinates * n_partners, n_rows)
+        return Sample.of(inputs, self.targets.swapaxes(0, 1), self.rows)
+
+    def at(self, paths: Floats, frames: slice | Ints) -> tuple[Floats, Floats, Floats]:
+        """Return partners (3, b, K, n), axes (3, 3, b, n) and centres (3, b, n) in some frames of paths (3, M, F)."""
+        if self.rows.are_all(paths.shape[2]):
+            return self.partners[..., frames], self.axes[..., frames], self.centre[..., frames]
+        index = frames if isinstance(frames, slice) else frames[None, None]
+        partners = paths[:, self.columns if isinstance(frames, slice) else self.columns[..., None], index]
+        return partners, *align_shapes(self.shape, partners.swapaxes(2, 3), self.weights)
+
+    def predicted(self, paths: Floats, frames: Ints, fit: RidgeFit) -> tuple[Floats, Floats]:
+        """Return predicted positions (3, b, n) of the markers, and the axes (3, 3, b, n), in some frames of all paths.
+
+        The inputs are linear in the partners' positions p: Rᵀ(p - c) / scale, with c = Σ share · p. One product of the
+        slopes with p gives their sums for each axis of the world and of the segment, and the axes R combine these.
+        """
+        n_markers, n_partners = self.scale.shape
+        slopes = fit.slopes.reshape(n_markers, 3, 3, n_partners) / self.scale[:, None, None]
+        share = self.weights / self.weights.sum(axis=1, keepdims=True)
+        slopes = (slopes - share[:, None, None] * slopes.sum(axis=3, keepdims=True)).reshape(n_markers, 9, n_partners)
+        intercept = np.moveaxis(fit.intercept, 1, 0)
+        place, all_axes = np.empty((3, n_markers, len(frames))), np.empty((3, 3, n_markers, len(frames)))
+        size = max(1, _BATCH // n_markers)
+        for chunk in (slice(low, low + size) for low in range(0, len(frames), size)):
+            partners, axes, centre = self.at(paths, frames[chunk])
+            products = (slopes @ partners).reshape(3, n_markers, 3, 3, -1)
+            fitted = np.einsum("icbf,ibdcf->dbf", axes, products) + intercept
+            place[..., chunk], all_axes[..., chunk] = _to_world(fitted, axes) + centre, axes
+        return place, all_axes
+
+
+def _segments(paths: Floats, usable: Bools, neighbours: _Neighbours, only: Bools) -> Iterator[_Segment]:
+    """Yield the segments of those of some markers (M,) that can be predicted, several at once.
+
+    paths: (3, M, F), finite everywhere. usable: (F, M), the samples to learn from.
+    """
+    chosen = np.flatnonzero(neighbours.predicted(usable, only))
+    size = max(1, _BATCH // min(len(usable), _MOST_ROWS))
+    for markers in (chosen[first : first + size] for first in range(0, len(chosen), size)):
+        usable_frames = (np.flatnonzero(usable[:, marker]) for marker in markers.tolist())
+        rows = Rows.of([frames[evenly_spaced(len(frames), _MOST_ROWS)] for frames in usable_frames])
+        columns, weights = neighbours.partners[markers], neighbours.weights[markers]
+        partners = _in_rows(paths, columns, rows)
+        shape = _mean_shape(partners, weights, rows)
+        axes, centre = align_shapes(shape, partners.swapaxes(2, 3), weights)
+        targets = _to_segment(_in_rows(paths, markers[:, None], rows)[:, :, 0] - centre, axes)
+        scale = neighbours.scale[markers]
+        yield _Segment(markers, rows, columns, weights, scale, shape, partners, axes, centre, targets)
+
+
+def _in_rows(paths: Floats, columns: Ints, rows: Rows) -> Floats:
+    """Return the samples (3, b, K, T) of markers (b, K) on paths (3, M, F), in the rows of b markers."""
+    if rows.are_all(paths.shape[2]):
+        return np.asarray(paths[:, columns])
+    return np.asarray(paths[:, columns[..., None], rows.frames[:, None]])
+
+
+def _mean_shape(partners: Floats, weights: Floats, rows: Rows) -> Floats:
+    """Return the mean shape (3, b, K) of partners (3, b, K, T) with weights (b, K), over 100 of the rows."""
+    chosen = np.linspace(0, rows.number - 1, _SHAPE_FRAMES, axis=1).astype(np.intp)
+    sample = np.take_along_axis(partners, chosen[None, :, None], axis=3)
+    shape = sample[..., _SHAPE_FRAMES // 2]
     for _ in range(_SHAPE_ROUNDS):
-        axes, centre = align_shapes(shape, sample, weights)
-        shape = _to_segment(sample - centre[..., None], axes[..., None]).mean(axis=2)
-    return align_shapes(shape, partners, weights)
+        axes, centre = align_shapes(shape, sample.swapaxes(2, 3), weights)
+        shape = _to_segment(sample - centre[:, :, None], axes[..., None, :]).mean(axis=3)
+    return shape
 
 
 def _to_segment(world: Floats, axes: Floats) -> Floats:

@@ -1,9 +1,11 @@
 """Robust ridge regressions of several markers at once: samples with large residuals get small weights.
 
-Shapes: b markers, T rows (frames that a marker is learnt from), n inputs, 3 target coordinates.
+Shapes: b markers, T rows (frames that a marker is learnt from), n inputs, 3 target coordinates. Rows are the last axis,
+so that the values of one input lie side by side in memory.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -36,61 +38,118 @@ class Rows:
     @classmethod
     def of(cls, frames: list[Ints]) -> "Rows":
         """Return the rows for the frames of each marker."""
-        most = max(map(len, frames))
-        padded = np.stack([np.pad(each, (0, most - len(each)), mode="edge") for each in frames])
-        return cls(padded, np.stack([np.arange(most) < len(each) for each in frames]).astype(float))
+        number = np.array([len(each) for each in frames])
+        padded = np.empty((len(frames), number.max()), dtype=np.intp)
+        for row, each in zip(padded, frames, strict=True):
+            row[: len(each)], row[len(each) :] = each, each[-1]
+        return cls(padded, (np.arange(padded.shape[1]) < number[:, None]).astype(float))
 
-    @property
+    @cached_property
     def number(self) -> Ints:
         """Return the number of training frames (b,) of each marker, without padding."""
         return np.asarray(self.weights.sum(axis=1).astype(np.intp))
 
-    def take(self, values: Floats) -> Floats:
-        """Return the values (b, T, n) in the training frames, selected from values (b, F, n) in all frames."""
-        return np.take_along_axis(values, self.frames[..., None], axis=1)
+    def are_all(self, n_frames: int) -> bool:
+        """Whether every marker is learnt from all frames of a take."""
+        return self.frames.shape[1] == n_frames and bool(self.weights.all())
 
     def robust_weights(self, residual: Floats) -> Floats:
-        """Return weights (b, T) for residuals (b, T, 3): 1 / (1 + (r / (3s + 0.5 mm))²)², s the median distance r.
+        """Return weights (b, T) for residuals (b, 3, T): 1 / (1 + (r / (3s + 0.5 mm))²)², s the median distance r.
 
         S. Geman, D. E. McClure, 1985, Bayesian image analysis: an application to single photon emission tomography.
         """
-        size = np.sqrt(np.einsum("btc,btc->bt", residual, residual))
+        size = np.sqrt(np.einsum("bct,bct->bt", residual, residual))
         median = nan_median(np.where(self.weights > 0, size, np.nan), axis=1)[:, None]
         return np.asarray(self.weights / (1.0 + (size / (_SCALE_FACTOR * median + NOISE_FLOOR)) ** 2) ** 2)
 
 
 @dataclass(frozen=True)
+class Sample:
+    """The rows that b markers are learnt from.
+
+    values: (b, n + 4, T), the inputs and the 3 targets less their means, and ones. means: (b, n + 3, 1).
+    """
+
+    values: Floats
+    means: Floats
+    rows: Rows
+
+    @classmethod
+    def of(cls, inputs: Floats, targets: Floats, rows: Rows) -> "Sample":
+        """Return the rows with inputs (b, n, T) and targets (b, 3, T)."""
+        values = np.concatenate([inputs, targets, np.ones((len(inputs), 1, inputs.shape[2]))], axis=1)
+        means = values[:, :-1] @ (rows.weights / rows.weights.sum(axis=1, keepdims=True))[..., None]
+        values[:, :-1] -= means
+        return cls(values, means, rows)
+
+    @property
+    def n(self) -> int:
+        """The number of inputs."""
+        return int(self.values.shape[1]) - 4
+
+    @property
+    def inputs(self) -> Floats:
+        """The inputs (b, n, T)."""
+        return self.values[:, : self.n]
+
+    @property
+    def targets(self) -> Floats:
+        """The targets (b, 3, T)."""
+        return self.values[:, self.n : -1]
+
+    def some(self, markers: Ints, rows: Ints) -> "Sample":
+        """Return the sample of some of the markers (j,), in some of their rows (j, t)."""
+        values = np.stack([self.values[k][:, row] for k, row in zip(markers.tolist(), rows, strict=True)])
+        each = markers[:, None]
+        return Sample(values, self.means[markers], Rows(self.rows.frames[each, rows], self.rows.weights[each, rows]))
+
+
+@dataclass(frozen=True)
 class RidgeFit:
-    """Slopes (b, n, 3), and the weighted means of the inputs (b, 1, n) and of the targets (b, 1, 3)."""
+    """Slopes (b, 3, n), and the weighted means of the inputs (b, n, 1) and of the targets (b, 3, 1).
+
+    penalties: (b,), for each unit of weight of the rows.
+    """
 
     slopes: Floats
     input_mean: Floats
     target_mean: Floats
+    penalties: Floats
+
+    @property
+    def intercept(self) -> Floats:
+        """The prediction (b, 3, 1) for inputs of 0."""
+        return np.asarray(self.target_mean - self.slopes @ self.input_mean)
 
     def predict(self, inputs: Floats) -> Floats:
-        """Return the predictions (b, T, 3) for inputs (b, T, n)."""
-        return np.asarray(inputs @ self.slopes + (self.target_mean - self.input_mean @ self.slopes))
+        """Return the predictions (b, 3, T) for inputs (b, n, T)."""
+        return np.asarray(self.slopes @ inputs + self.intercept)
 
 
-def regress(inputs: Floats, targets: Floats, rows: Rows) -> RidgeFit:
-    """Return robust ridge regressions of targets (b, T, 3) on inputs (b, T, n), by iteratively reweighted fits."""
-    n, weights = inputs.shape[2], rows.weights
-    columns = np.concatenate([inputs, targets], axis=2)
+def regress(sample: Sample) -> RidgeFit:
+    """Return robust ridge regressions of targets on inputs, by iteratively reweighted fits."""
+    n, weights = sample.n, sample.rows.weights
     for _ in range(_N_FITS):
-        means, centred = centre(columns, weights)
-        # XᵀWX, XᵀWY and the trace of YᵀWY in one product.
-        products = (weights[..., None] * centred).swapaxes(1, 2) @ centred
+        # XᵀWX, XᵀWY and YᵀWY of all columns less their means, from one product of √w (X, Y, 1) with itself.
+        scaled = sample.values * np.sqrt(weights)[:, None]
+        means, products = centred(scaled @ scaled.swapaxes(1, 2))
         gram, moment = products[:, :n, :n], products[:, :n, n:]
-        penalties = gcv_penalties(gram, moment, np.trace(products[:, n:, n:], axis1=1, axis2=2), rows)
-        fit = RidgeFit(ridge_slopes(gram, moment, penalties), means[:, :, :n], means[:, :, n:])
-        weights = rows.robust_weights(targets - fit.predict(inputs))
-    return fit
+        penalties = gcv_penalties(gram, moment, np.trace(products[:, n:, n:], axis1=1, axis2=2), sample.rows)
+        slopes = ridge_slopes(gram, moment, penalties).swapaxes(1, 2)
+        fit = RidgeFit(slopes, means[:, :n], means[:, n:], penalties / weights.sum(axis=1))
+        weights = sample.rows.robust_weights(sample.targets - fit.predict(sample.inputs))
+    return replace(
+        fit, input_mean=fit.input_mean + sample.means[:, :n], target_mean=fit.target_mean + sample.means[:, n:]
+    )
 
 
-def centre(columns: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Return the means (b, 1, m) of columns (b, T, m), weighted by (b, T), and the columns less their means."""
-    means = (weights / weights.sum(axis=1, keepdims=True))[:, None] @ columns
-    return means, columns - means
+def centred(products: Floats) -> tuple[Floats, Floats]:
+    """Return the weighted means (b, m, 1) of columns, and the products (b, m, m) of the columns less their means.
+
+    products: (b, m + 1, m + 1), weighted sums of products of the columns, of which the last one is ones.
+    """
+    means = products[:, :-1, -1:] / products[:, -1:, -1:]
+    return means, products[:, :-1, :-1] - means * products[:, -1:, :-1]
 
 
 def gcv_penalties(gram: Floats, moment: Floats, energy: Floats, rows: Rows) -> Floats:

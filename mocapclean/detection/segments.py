@@ -13,6 +13,7 @@ from mocapclean.arrays import Bools, Floats, Ints, runs
 _LOOK_BACK = (
     40  # segments before each that may precede it in a chain; chosen by hand, it bounds the cost of noisy takes
 )
+_AT_ONCE = 2000  # segments whose links are judged at once; bounds the memory
 
 
 def cut_segments(valid: Bools, cuts: Bools) -> Ints:
@@ -49,21 +50,22 @@ class SegmentEnds:
         velocity_in = np.where(several, path[np.minimum(starts + 1, len(path) - 1)] - first, 0.0)
         return cls(first, last, velocity_in, velocity_out)
 
-    def misses(self, segment: int, earlier: Ints, frames: Ints) -> Floats:
-        """Return the errors (3, j, 3) of three extrapolations from earlier segments (j,) to a segment ``frames`` (j,)
-        later.
+    def misses(self, later: Ints, earlier: Ints, frames: Ints) -> Floats:
+        """Return the errors (3, ...), mm, of three extrapolations from earlier segments (...) to later ones, ``frames``
+        after them.
 
         Three predictions: the last place kept; extrapolated at the velocity there; extrapolated backwards from the
         first place, at the velocity there.
         """
-        time = frames[:, None].astype(float)
-        step = self.first[segment] - self.last[earlier]
-        forward, backward = step - time * self.velocity_out[earlier], step - time * self.velocity_in[segment]
-        return np.array([step, forward, backward])
+        time = frames[..., None].astype(float)
+        step = self.first[later] - self.last[earlier]
+        forward, backward = step - time * self.velocity_out[earlier], step - time * self.velocity_in[later]
+        errors = np.stack([step, forward, backward])
+        return np.asarray(np.sqrt(np.einsum("...c,...c->...", errors, errors)))
 
 
 def best_chain(
-    segments: Ints, n_frames: int, link_costs: Callable[[int, Ints], Floats], end_cost: float = 0.0
+    segments: Ints, n_frames: int, link_costs: Callable[[Ints, Ints], Floats], end_cost: float = 0.0
 ) -> tuple[Bools, float]:
     """Return the frames (n_frames,) of the chain of segments (S, 2) with the largest length less costs, and its costs.
 
@@ -74,23 +76,25 @@ def best_chain(
     Recurrence: value(i) = length(i) + max(-begin(i), max over j of value(j) - link(j, i)), j = i - 40, ..., i - 1. A
     chain with a longer run of segments left out between two others is not considered. Cost: O(40 S).
 
-    link_costs: of segment i and the segments before it (j,), the costs (j,) in frames; infinite where i cannot follow.
+    link_costs: of later and earlier segments, two arrays of one shape, the costs in frames; infinite where a segment
+    cannot follow.
     """
     starts, stops = segments.T
     n_segments = len(segments)
     length = (stops - starts).astype(float)
+    link = _band(n_segments, link_costs)
     previous = np.full(n_segments, -1)
     # A chain that begins here leaves out an end of the path, unless this is the first segment.
     cost = np.r_[0.0, np.full(n_segments - 1, end_cost)]
     value = length - cost
     for i in range(1, n_segments):
-        earlier = np.arange(max(0, i - _LOOK_BACK), i)
-        continued = value[earlier] - link_costs(i, earlier)
+        first = max(0, i - _LOOK_BACK)
+        continued = value[first:i] - link[i, first - i :]
         best = int(np.argmax(continued))
         if continued[best] > -end_cost:
-            previous[i] = earlier[best]
+            previous[i] = first + best
             value[i] = length[i] + continued[best]
-            cost[i] = cost[earlier[best]] + value[earlier[best]] - continued[best]
+            cost[i] = cost[first + best] + value[first + best] - continued[best]
     # A chain that stops before the last segment leaves out an end of the path.
     value[:-1], cost[:-1] = value[:-1] - end_cost, cost[:-1] + end_cost
     chosen = np.zeros(n_frames, dtype=bool)
@@ -99,3 +103,13 @@ def best_chain(
         chosen[starts[i] : stops[i]] = True
         i = int(previous[i])
     return chosen, float(cost[last])
+
+
+def _band(n_segments: int, link_costs: Callable[[Ints, Ints], Floats]) -> Floats:
+    """Return the costs (S, 40) of the links to each segment from the 40 before it; infinite before the first one."""
+    costs = np.full((n_segments, _LOOK_BACK), np.inf)
+    for low in range(0, n_segments, _AT_ONCE):
+        later = np.arange(low, min(low + _AT_ONCE, n_segments))[:, None]
+        earlier = later + np.arange(-_LOOK_BACK, 0)
+        costs[later[:, 0]] = np.where(earlier >= 0, link_costs(later + 0 * earlier, np.maximum(earlier, 0)), np.inf)
+    return costs

@@ -8,7 +8,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.body_frames import BodyFrames
-from mocapclean.geometry.rotations import fit_rotations, fit_rotations_by_svd
+from mocapclean.geometry.rotations import fit_rotations, fit_rotations_by_svd, fit_rotations_of_columns
 from mocapclean.numerics import interpolation
 
 # Most frames that the mean shape of a segment is taken over, and rounds of Procrustes analysis for it. Chosen by hand
@@ -63,10 +63,11 @@ def align_shapes(shape: Floats, positions: Floats, weights: Floats) -> tuple[Flo
     """
     share = weights / weights.sum(axis=1, keepdims=True)
     model = share * (shape - (share * shape).sum(axis=2, keepdims=True))
-    centroid = (positions @ share[..., None])[..., 0]
-    moments = (positions - centroid[..., None]) @ np.moveaxis(model, 0, 2)
-    rotations = fit_rotations(np.moveaxis(moments, 0, 2).reshape(-1, 3, 3))
-    return np.moveaxis(rotations, 0, 2).reshape(3, 3, *moments.shape[1:3]), centroid
+    # Centroid and moments Σ w x sᵀ in one product, for the weighted shape sums to 0.
+    products = np.concatenate([share[None], model]).swapaxes(0, 1) @ positions.swapaxes(2, 3)
+    moments = np.ascontiguousarray(products[:, :, 1:].swapaxes(1, 2))
+    rotations = fit_rotations_of_columns(moments.reshape(3, 3, -1))
+    return rotations.reshape(moments.shape), products[:, :, 0]
 
 
 def carry_points(shapes: Floats, positions: Floats, weights: Floats, points: Floats) -> Floats:

@@ -25,9 +25,15 @@ def fit_rotations(moments: Floats) -> Floats:
     iteration finds λ from above. One step of N. J. Higham, 1986, doi:10.1137/0907079, removes rounding errors. Where H
     is near rank 1 the rotation is not unique; singular vectors give one of them.
     """
-    # H scaled to ‖H‖ = 1, with the matrices along the last axis
-    size = np.sqrt(np.einsum("nij,nij->n", moments, moments))
-    unit = np.ascontiguousarray(np.moveaxis(moments, 0, 2)) / np.where(size > 0.0, size, 1.0)
+    columns = np.ascontiguousarray(np.moveaxis(moments, 0, 2))
+    return np.moveaxis(fit_rotations_of_columns(columns), 2, 0)
+
+
+def fit_rotations_of_columns(moments: Floats) -> Floats:
+    """Return the rotations (3, 3, n) of ``fit_rotations`` for matrices H (3, 3, n)."""
+    # H scaled to ‖H‖ = 1
+    size = np.sqrt(np.einsum("ijn,ijn->n", moments, moments))
+    unit = moments / np.where(size > 0.0, size, 1.0)
     cofactors = _cofactors(unit)
     determinant = np.einsum("jn,jn->n", unit[0], cofactors[0])
     squared_cofactors = np.einsum("ijn,ijn->n", cofactors, cofactors)
@@ -39,9 +45,9 @@ def fit_rotations(moments: Floats) -> Floats:
     cube = np.einsum("ikn,kln->iln", np.einsum("ijn,kjn->ikn", unit, unit), unit)
     fitted = ((kappa + 1.0) * unit + root * cofactors - cube) / np.where(singular, 1.0, denominator)
     # Higham's step (R + R⁻ᵀ) / 2, for R⁻ᵀ = cof R / det R and det R = 1
-    rotations: Floats = np.moveaxis(0.5 * (fitted + _cofactors(fitted)), 2, 0)
+    rotations: Floats = 0.5 * (fitted + _cofactors(fitted))
     if singular.any():
-        rotations[singular] = fit_rotations_by_svd(moments[singular])
+        rotations[:, :, singular] = np.moveaxis(fit_rotations_by_svd(np.moveaxis(moments[:, :, singular], 2, 0)), 0, 2)
     return rotations
 
 

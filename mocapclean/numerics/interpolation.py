@@ -2,17 +2,17 @@
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats
+from mocapclean.arrays import Bools, Floats, Ints
 
 
-def linear(positions: Floats, trusted: Bools) -> Floats:
+def linear(positions: Floats, trusted: Bools, frames: Ints | None = None) -> Floats:
     """Return positions (F, M, 3) with untrusted samples interpolated linearly between trusted (F, M) samples.
 
     Before the first and after the last trusted sample of a marker, that sample is repeated. A marker without trusted
-    samples becomes 0. Untrusted samples are not read.
+    samples becomes 0. Untrusted samples are not read. frames: (F,), their times; one apart if None is given.
     """
     filled = np.where(trusted[..., None], positions, 0.0)
-    frames = np.arange(len(filled))
+    frames = np.arange(len(filled)) if frames is None else frames
     for marker in np.flatnonzero(trusted.any(axis=0) & ~trusted.all(axis=0)):
         known = trusted[:, marker]
         for axis in range(3):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Floats, Ints
 
 
 def nan_median(values: Floats, axis: int = 0) -> Floats:
@@ -23,10 +23,17 @@ def nan_quantiles(values: Floats, shares: tuple[float, ...]) -> Floats:
 
     A quantile between two entries is the lower of them. Columns without a finite entry have NaN.
     """
-    ordered = np.sort(values, axis=0)
-    count = np.sum(~np.isnan(values), axis=0)
+    return ordered_quantiles(np.sort(values, axis=0), np.sum(~np.isnan(values), axis=0), shares)
+
+
+def ordered_quantiles(ordered: Floats, count: Ints, shares: tuple[float, ...]) -> Floats:
+    """Return ``nan_quantiles`` of columns (F, n) in ascending order, of which only the first ``count`` (n,) count.
+
+    Columns with a count of 0 have NaN.
+    """
     rows = [np.floor(share * np.maximum(count - 1, 0)).astype(np.intp) for share in shares]
-    return np.stack([np.take_along_axis(ordered, row[None], axis=0)[0] for row in rows])
+    quantiles = np.stack([np.take_along_axis(ordered, row[None], axis=0)[0] for row in rows])
+    return np.asarray(np.where(count > 0, quantiles, np.nan))
 
 
 def median(values: Floats) -> float:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from mocapclean.detection.robust_ridge import Rows, gcv_penalties, regress, ridge_slopes
+from mocapclean.detection.robust_ridge import Rows, Sample, gcv_penalties, regress, ridge_slopes
 
 
 def test_the_penalty_has_the_least_score_of_generalised_cross_validation(rng):
@@ -24,16 +24,16 @@ def test_the_penalty_has_the_least_score_of_generalised_cross_validation(rng):
 
 
 def test_constant_inputs_predict_the_mean(rng):
-    inputs, targets = np.full((1, 50, 4), 0.1), rng.normal(size=(1, 50, 3))
-    fit = regress(inputs, targets, Rows.of([np.arange(50)]))
+    inputs, targets = np.full((1, 4, 50), 0.1), rng.normal(size=(1, 3, 50))
+    fit = regress(Sample.of(inputs, targets, Rows.of([np.arange(50)])))
     assert np.isfinite(fit.slopes).all()
-    np.testing.assert_allclose(fit.predict(inputs), np.broadcast_to(fit.target_mean, (1, 50, 3)), atol=1e-9)
+    np.testing.assert_allclose(fit.predict(inputs), np.broadcast_to(fit.target_mean, (1, 3, 50)), atol=1e-9)
 
 
 def test_outlying_rows_get_small_weights(rng):
-    inputs, truth = rng.normal(size=(1, 200, 4)), rng.normal(size=(4, 3))
-    targets = inputs @ truth + 2.0
-    targets[0, ::10] += 500.0 * rng.normal(size=(20, 3))
-    fit = regress(inputs, targets, Rows.of([np.arange(200)]))
+    inputs, truth = rng.normal(size=(1, 4, 200)), rng.normal(size=(3, 4))
+    targets = truth @ inputs + 2.0
+    targets[0, :, ::10] += 500.0 * rng.normal(size=(3, 20))
+    fit = regress(Sample.of(inputs, targets, Rows.of([np.arange(200)])))
     np.testing.assert_allclose(fit.slopes[0], truth, atol=0.05)
-    np.testing.assert_allclose(fit.predict(np.zeros((1, 1, 4)))[0, 0], 2.0, atol=0.1)
+    np.testing.assert_allclose(fit.predict(np.zeros((1, 4, 1)))[0, :, 0], 2.0, atol=0.1)

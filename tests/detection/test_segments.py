@@ -17,10 +17,10 @@ def test_segments_end_at_cuts_and_at_invalid_frames():
 def test_a_straight_path_is_predicted_by_both_of_its_ends(rng):
     path = rng.normal(size=3) + np.arange(20)[:, None] * rng.normal(size=3)
     segments = np.array([[0, 5], [6, 7], [12, 20]])
-    _, forward, backward = SegmentEnds.of(path, segments).misses(2, np.array([0, 1]), np.array([8, 6]))
+    _, forward, backward = SegmentEnds.of(path, segments).misses(np.array([2, 2]), np.array([0, 1]), np.array([8, 6]))
     np.testing.assert_allclose(forward[0], 0.0, atol=1e-12)
     np.testing.assert_allclose(backward, 0.0, atol=1e-12)
-    np.testing.assert_allclose(forward[1], path[12] - path[6])
+    np.testing.assert_allclose(forward[1], np.linalg.norm(path[12] - path[6]))
 
 
 def value(chain, segments, links, end):
@@ -38,7 +38,7 @@ def test_the_chain_is_the_best_of_all(seed, end):
     stops = np.cumsum(lengths + rng.integers(0, 3, size=7))
     segments = np.column_stack([stops - lengths, stops])
     links = rng.choice([0.0, 3.0, 15.0, np.inf], size=(7, 7))
-    chosen, cost = best_chain(segments, int(stops[-1]), lambda i, earlier: links[i, earlier], end)
+    chosen, cost = best_chain(segments, int(stops[-1]), lambda later, earlier: links[later, earlier], end)
     chains = [chain for size in range(1, 8) for chain in combinations(range(7), size)]
     best = max(value(chain, segments, links, end) for chain in chains)
     assert chosen.sum() - cost == best

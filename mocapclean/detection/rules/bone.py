@@ -34,10 +34,10 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) out of range of most of their rigid partners, and their findings."""
     take, rigid = evidence.take, evidence.rigid
     positions = np.where(evidence.plausible[..., None], take.positions, np.nan)
-    residual = np.linalg.norm(evidence.analysis.residual, axis=2)
+    beside = np.asarray(np.linalg.norm(evidence.analysis.residual, axis=2) > params.beside)
     broken = np.zeros_like(take.trusted)
     largest = np.zeros(take.trusted.shape)
-    for marker in np.flatnonzero(evidence.analysis.predicted).tolist():
+    for marker in np.flatnonzero(evidence.analysis.predicted & beside.any(axis=0)).tolist():
         partners = [p for p in rigid.partners(marker)[0] if rigid.spread[marker, p] <= params.rigid]
         if len(partners) < _FEWEST_DISTANCES:
             continue
@@ -45,10 +45,12 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
         error = np.abs(distances - nan_median(distances))
         # A partner that has left its own path says nothing about this marker.
         error[evidence.analysis.deviation[:, partners] > 0] = np.nan
+        # Where too few distances are that far from their medians, the noise need not be known.
+        if not ((error > params.least).sum(axis=1)[beside[:, marker]] >= _FEWEST_DISTANCES).any():
+            continue
         n_out = (error > np.maximum(params.least, noise_tail(error)[1])).sum(axis=1)
         n_seen = np.isfinite(error).sum(axis=1)
-        most = (n_out >= _FEWEST_DISTANCES) & (2 * n_out > n_seen)
-        broken[:, marker] = most & (residual[:, marker] > params.beside)
+        broken[:, marker] = (n_out >= _FEWEST_DISTANCES) & (2 * n_out > n_seen) & beside[:, marker]
         largest[:, marker] = np.nan_to_num(error).max(axis=1)
 
     def message(marker: int, start: int, stop: int) -> str:

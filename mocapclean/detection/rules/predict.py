@@ -33,8 +33,9 @@ def examine(evidence: Evidence, params: Params) -> Ruling:
     """Return the samples (F, M) far from their predicted positions, and their findings."""
     analysis = evidence.analysis
     distance = np.linalg.norm(analysis.residual, axis=2)
-    limit = np.maximum(params.least, noise_tail(distance)[1])
-    far = np.asarray(analysis.predicted & (distance > limit))
+    far = np.asarray(analysis.predicted & (distance > params.least))
+    some = far.any(axis=0)
+    far[:, some] &= distance[:, some] > noise_tail(distance[:, some])[1]
     reliable = evidence.plausible & (analysis.deviation == 0)
     for marker in np.flatnonzero(far.any(axis=0)).tolist():
         partners, weights = evidence.rigid.partners(marker)

@@ -18,7 +18,6 @@ The threshold is a distance per frame at 120 Hz; steps 1 and 2 scale it by 120 /
 rules, on the samples that they trust: it cannot distinguish a fault from the samples before or after it.
 """
 
-from itertools import pairwise
 from typing import Annotated
 
 import numpy as np
@@ -114,21 +113,18 @@ def _chain(path: Floats, segments: Ints, threshold: float, longest: float) -> tu
     starts, stops = segments.T
     ends, long = SegmentEnds.of(path, segments), stops - starts > longest
 
-    def reached(segment: int, earlier: Ints) -> Bools:
-        gap = starts[segment] - (stops[earlier] - 1)
-        misses = np.linalg.norm(ends.misses(segment, earlier, gap), axis=2)
-        return np.asarray((misses <= threshold * gap).any(axis=0))
+    def reached(later: Ints, earlier: Ints) -> Bools:
+        gap = starts[later] - (stops[earlier] - 1)
+        return np.asarray((ends.misses(later, earlier, gap) <= threshold * gap).any(axis=0))
 
-    def link_costs(segment: int, earlier: Ints) -> Floats:
-        return np.where(reached(segment, earlier) | (long[segment] & long[earlier]), 0.0, np.inf)
+    def link_costs(later: Ints, earlier: Ints) -> Floats:
+        return np.where(reached(later, earlier) | (long[later] & long[earlier]), 0.0, np.inf)
 
     chain = best_chain(segments, len(path), link_costs)[0]
-    links = pairwise(np.flatnonzero(chain[starts]).tolist())
-    return chain, [
-        (int(stops[earlier]) - 1, int(starts[later]))
-        for earlier, later in links
-        if not reached(later, np.array([earlier]))[0]
-    ]
+    inside = np.flatnonzero(chain[starts])
+    earlier, later = inside[:-1], inside[1:]
+    leaps = ~reached(later, earlier)
+    return chain, list(zip((stops[earlier[leaps]] - 1).tolist(), starts[later[leaps]].tolist(), strict=True))
 
 
 def _between(chain: Bools) -> Bools:
@@ -151,7 +147,7 @@ def _readmitted(path: Floats, chain: Bools, valid: Bools, distance: float) -> Bo
     doubted = doubted[(doubted > frames[0]) & (doubted < frames[-1])]
     trusted = chain.copy()
     if len(frames) > 1 and doubted.size:
-        from scipy.interpolate import PchipInterpolator  # few takes need a curve
+        from scipy.interpolate import PchipInterpolator  # few takes need it, and it takes longer to import than to use
 
         curve = PchipInterpolator(frames, path[frames], axis=0)(doubted)
         trusted[doubted] = np.linalg.norm(path[doubted] - curve, axis=1) <= distance
