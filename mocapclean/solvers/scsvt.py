@@ -40,6 +40,7 @@ from mocapclean.arrays import Bools
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate
 from mocapclean.parameters import STRICT, About
 from mocapclean.solvers import svt
 from mocapclean.solvers.method import KnownBones, Traits, limit_reached
@@ -98,10 +99,17 @@ def solve(take: Take, params: Params, fillable: Bools, known_bones: KnownBones) 
         filled=fillable,
         converged=result.converged,
         iterations=len(result.trace),
-        reason=state if result.converged else limit_reached(params, "max_iterations", state),
+        reason=_reason(result, params, state),
         trace=tuple(result.trace),
         facts={"bones": len(known_bones.bones), "bones_from": known_bones.source, "excess_mm": result.excess},
     )
+
+
+def _reason(result: Iterate, params: Params, state: str) -> str:
+    """Return why the iteration ended, and its state."""
+    if result.contradictory:
+        return f"the lengths of the bones exclude each other; {state}"
+    return state if result.converged else limit_reached(params, "max_iterations", state)
 
 
 def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> DistanceBounds:

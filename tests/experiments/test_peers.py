@@ -153,7 +153,7 @@ def test_the_output_filter_moves_what_is_filled_and_nothing_else(walk):
 def test_density_is_that_of_the_samples(rng):
     samples = rng.normal(100.0, 5.0, 500)
     low, middle, high, far = Density(samples).at(np.array([80.0, 100.0, 120.0, 1e6]))
-    each = Density(samples)._unit / 2**0.5
+    each = Density(samples)._bandwidth
     expected = np.exp(-0.5 * np.square((100.0 - samples) / each)).mean()
     assert middle == pytest.approx(expected, rel=1e-12)
     assert 0.0 <= far < 1e-200

@@ -22,15 +22,15 @@ class Density:
         deviation = np.median(np.abs(samples - median)) / _DEVIATION_OF_NORMAL or np.ptp(samples)
         silverman = deviation * (4.0 / (3.0 * len(samples))) ** 0.2
         bandwidth = max(silverman, _LEAST_BANDWIDTH * float(np.abs(samples).max())) or 1.0
-        # exp(−½ ((v − s) / b)²) = exp(−(v' − s')²) with lengths about the median in units of √2 b
-        self._median, self._unit = median, 2.0**0.5 * bandwidth
-        self._samples = (samples - median) / self._unit
+        self._samples, self._bandwidth = samples, bandwidth
 
     def at(self, values: Floats) -> Floats:
         """Return the density (n,) at values (n,)."""
-        exponents = ((values - self._median) / self._unit)[:, None] - self._samples
+        # exp(−½ ((v − s) / b)²)
+        exponents = values[:, None] - self._samples
+        exponents /= self._bandwidth
         np.square(exponents, out=exponents)
-        np.negative(exponents, out=exponents)
+        exponents *= -0.5
         np.maximum(exponents, _LEAST_EXPONENT, out=exponents)
         density: Floats = np.exp(exponents, out=exponents).mean(axis=1)
         return density

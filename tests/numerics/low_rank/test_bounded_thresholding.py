@@ -202,6 +202,18 @@ def test_newton_stops_at_its_limit_and_reports_it(rng):
     assert 1 <= len(result.trace) <= 3
 
 
+def test_newton_gives_up_bounds_that_exclude_each_other(rng):
+    _, trusted, values, bounds = straight_limb(rng)
+    short = DistanceBounds(bounds.first, bounds.second, 0.8 * bounds.lengths, 40)
+    result = newton(values, np.repeat(trusted, 3, axis=1), short)
+    assert result.contradictory
+    assert not result.converged
+    assert len(result.trace) < 40
+    fine = newton(values, np.repeat(trusted, 3, axis=1), bounds, tolerance=1e-9)
+    assert fine.converged
+    assert not fine.contradictory
+
+
 def straight_limb(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, DistanceBounds]:
     """Ten frames of a limb of four joints, stretched out in the first half; the two joints between its ends unknown."""
     lengths = np.array([3.0, 1.0, 2.0])
