@@ -21,8 +21,9 @@ Where this departs from the authors' program, and why:
   of all frames, first with gaps interpolated about a point that travels with the body, then once more as filled.
 
 ``sd`` has the posterior covariance of the smoother, and the residual of the components in the frames that they come
-from. Cost: O(F D² + F M D), D the number of components, and O(D³) for each frame in which covariances have not settled
-yet.
+from; it is 0 where nothing is missing. The moments are those of a Kalman filter and smoother, computed by
+``numerics.state_space.random_walk`` without a pass over the frames. Cost: O(F M D) for D components, O(D³) for each run
+of frames in which the same markers are seen, and O(D²) for each missing sample.
 """
 
 from typing import Annotated, Literal
@@ -33,8 +34,8 @@ from mocapclean.arrays import Bools, Floats, runs
 from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.numerics import interpolation
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
-from mocapclean.numerics.state_space.linear_dynamics import LinearSystem
-from mocapclean.numerics.state_space.smoother import Dynamics, Masks, kalman_filter, measure, rts_smoother
+from mocapclean.numerics.state_space.random_walk import expect_unseen, random_walk
+from mocapclean.numerics.state_space.smoother import Masks
 from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers.method import Traits
 from mocapclean.take import Solution, Take
@@ -81,7 +82,7 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     guess = data.values if enough else _interpolated(data.values, masks.seen)
     for _ in range(1 if enough else 2):
         model = Model(guess, complete if enough else np.ones_like(complete), data.spread, params)
-        guess, variance = model.smooth(data.values, masks)
+        guess, variance = model.expect(data.values, masks)
         guess = np.where(data.known, data.values, guess)
     sd = np.zeros(fillable.shape)
     sd[:, data.used] = np.sqrt(variance)
@@ -89,7 +90,7 @@ def solve(take: Take, params: Params, fillable: Bools) -> Solution:
         positions=data.positions(guess),
         filled=fillable,
         sd=sd,
-        facts={"components": len(model.system.dynamics.start), "complete_frames": int(complete.sum())},
+        facts={"components": len(model.walk.start), "complete_frames": int(complete.sum())},
     )
 
 
@@ -124,30 +125,16 @@ class Model:
         loadings = np.ascontiguousarray(basis[:, ::-1][:, :n_kept])
         # Q: from the differences between frames that follow each other
         steps = np.diff(values, axis=0)[frames[1:] & frames[:-1]]
-        identity = np.eye(n_kept)
-        self.system = LinearSystem(
-            dynamics=Dynamics(
-                transition=identity,
-                process=_process(steps, loadings, params) + _LEAST_PROCESS * params.noise**2 * identity,
-                start=np.zeros(n_kept),
-                start_covariance=(_START_SPREADS * spread) ** 2 * identity,
-            ),
-            loadings=loadings,
-            noise_variance=params.noise**2,
-        )
+        process = _process(steps, loadings, params) + _LEAST_PROCESS * params.noise**2 * np.eye(n_kept)
+        self.walk = random_walk(loadings, process, (_START_SPREADS * spread) ** 2, params.noise**2)
         missed = np.square(offsets - offsets @ loadings @ loadings.T).mean(axis=0)
         self.missed = missed.reshape(-1, 3).mean(axis=1)
 
-    def smooth(self, values: Floats, masks: Masks) -> tuple[Floats, Floats]:
-        """Return the expected values (F, n), and the variance (F, n / 3) of a coordinate."""
+    def expect(self, values: Floats, masks: Masks) -> tuple[Floats, Floats]:
+        """Return the expected values (F, n) where unseen, and the variance (F, n / 3) of a coordinate there; else 0."""
         seen = np.repeat(masks.seen, 3, axis=1)
-        # Forward pass, then smoothed means and posterior covariances, given all trusted samples
-        centred = np.where(seen, values - self.mean, 0.0)
-        measurements = measure(self.system.loadings, self.system.noise_variance, centred, masks)
-        dynamics = self.system.dynamics
-        smoothed = rts_smoother(dynamics, kalman_filter(dynamics, measurements))
-        variance = self.system.value_variance(smoothed, len(self.missed)) + self.missed
-        return self.mean + self.system.expected_values(smoothed.means), variance
+        means, variance = expect_unseen(self.walk, np.where(seen, values - self.mean, 0.0), masks)
+        return np.where(seen, 0.0, means + self.mean), np.where(masks.seen, 0.0, variance + self.missed)
 
 
 def _process(steps: Floats, loadings: Floats, params: Params) -> Floats:

@@ -20,6 +20,8 @@ Where this departs from the print, and why:
   at 1.9 / λ or below; ``"accelerated"`` is the splitting of ``svt`` with the bones as bounds.
 - The printed stopping rule ignores the bones. ``"accelerated"`` goes on until none is too long by more than
   ``bone_tolerance``; ``"paper"`` stops as printed. The print tests Z before Z exists; here the test follows the update.
+- A ``tolerance`` below 2e-5 spreads of the take is reached by semismooth Newton steps in place of the splitting. It
+  then holds for the bones, too, and an iteration is an update of the multipliers.
 - Without a skeleton the bones are pairs of markers whose distance is constant over the trusted samples.
 - The skipped first iterations and ``origin`` are those of ``svt``. The limit of iterations is not printed.
 
@@ -36,6 +38,7 @@ from mocapclean.arrays import Bools
 from mocapclean.geometry.skeleton import Bone
 from mocapclean.numerics.low_rank.centred_matrix import centred_matrix
 from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds
+from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import Iterate
 from mocapclean.parameters import About, Field, parameters
 from mocapclean.solvers import svt
 from mocapclean.solvers.method import KnownBones, Traits, limit_reached
@@ -94,10 +97,17 @@ def solve(take: Take, params: Params, fillable: Bools, known_bones: KnownBones) 
         filled=fillable,
         converged=result.converged,
         iterations=len(result.trace),
-        reason=state if result.converged else limit_reached(params, "max_iterations", state),
+        reason=_reason(result, params, state),
         trace=tuple(result.trace),
         facts={"bones": len(known_bones.bones), "bones_from": known_bones.source, "excess_mm": result.excess},
     )
+
+
+def _reason(result: Iterate, params: Params, state: str) -> str:
+    """Return why the iteration ended, and its state."""
+    if result.contradictory:
+        return f"the lengths of the bones exclude each other; {state}"
+    return state if result.converged else limit_reached(params, "max_iterations", state)
 
 
 def loose_edges(bones: tuple[Bone, ...], markers: tuple[str, ...], trusted: Bools) -> DistanceBounds:

@@ -179,7 +179,7 @@ class Admm:
         bands = normal_bands(len(x), 2.0, self.c3, self.c4, keep_end=self.keep_end)
         self.system = FreeSystem(bands, free)
         fixed = np.where(np.repeat(free, 3, axis=1), 0.0, x)
-        self.pull = self._free(times_bands(bands, fixed))
+        self.pull, self.free_x = self._free(times_bands(bands, fixed)), self._free(x)
         # W_i = G_i X and U_i = 0
         self.d1 = difference(x)
         self.d2 = difference(self.d1, keep_end=self.keep_end)
@@ -196,8 +196,9 @@ class Admm:
         params = self.params
         # AᵀB / ρ
         tangent = self._free(top_singular_directions(self.x, rank)) / params.penalty
+        force = tangent - self.pull
         for k in range(1, params.inner_iterations + 1):
-            self._move_x(tangent)
+            self._move_x(force)
             self._move_blocks()
             self.iterations += 1
             if k % CHECK_EVERY == 0:
@@ -208,16 +209,20 @@ class Admm:
                 break
         return False
 
-    def _move_x(self, tangent: Floats) -> None:
-        """Set X = argmin Σ c_i ‖G_i X − W_i + U_i‖² over the free entries."""
+    def _move_x(self, force: Floats) -> None:
+        """Set X = argmin Σ c_i ‖G_i X − W_i + U_i‖² over the free entries; force: the tangent less the pull."""
         # q₁ + D₁ᵀ (q₃ + D₂ᵀ q₄), then block 2 with W₂ = X and U₂ = −AᵀB/ρ
         add_adjoint(self.q3, self.q4, keep_end=self.keep_end)
         add_adjoint(self.q1, self.q3)
-        solution = self.system.solve(self._free(self.q1) + self._free(self.x) + tangent - self.pull)
-        _samples(self.x)[self.system.places] = solution
+        right_side = self._free(self.q1)
+        right_side += self.free_x
+        right_side += force
+        self.free_x = self.system.solve(right_side)
+        _samples(self.x)[self.system.places] = self.free_x
         if self.params.x_step == "paper":
             # (11): overwrite the trusted entries
             _samples(self.x)[self.known.ravel()] = self.values
+            self.free_x = self._free(self.x)
 
     def _move_blocks(self) -> None:
         """Set W_i and U_i from X, and q_i = c_i (W_i − U_i)."""

@@ -13,7 +13,7 @@ from mocapclean.geometry.distances import mean_distances
 from mocapclean.geometry.moving_origin import moving_origin
 from mocapclean.simulate import hide, perform, single_gaps
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.pma.kernels import kernel_regression, likelihood
+from mocapclean.solvers.pma.kernels import Density, kernel_regression
 from mocapclean.solvers.pma.sliding import median_mean
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
@@ -150,11 +150,15 @@ def test_the_output_filter_moves_what_is_filled_and_nothing_else(walk):
     assert not (moved & ~missing).any()
 
 
-def test_likelihood_is_that_of_the_samples(rng):
+def test_density_is_that_of_the_samples(rng):
     samples = rng.normal(100.0, 5.0, 500)
-    low, middle, high = likelihood(samples, np.array([80.0, 100.0, 120.0]))
+    low, middle, high, far = Density(samples).at(np.array([80.0, 100.0, 120.0, 1e6]))
+    each = Density(samples)._bandwidth
+    expected = np.exp(-0.5 * np.square((100.0 - samples) / each)).mean()
+    assert middle == pytest.approx(expected, rel=1e-12)
+    assert 0.0 <= far < 1e-200
     assert middle > 100 * max(low, high)
-    np.testing.assert_allclose(likelihood(samples / 1000, np.array([0.1])), middle)
+    np.testing.assert_allclose(Density(samples / 1000).at(np.array([0.1])), middle)
 
 
 def test_kernel_regression_is_the_mean_of_what_is_near():

@@ -71,6 +71,28 @@ def test_raw_iterate_misses_the_trusted_samples_by_the_tolerance():
     assert solution.trace[-1] == pytest.approx(residual)
 
 
+def test_scsvt_reaches_a_tolerance_of_a_millionth_of_the_take():
+    take = hide(*arm())
+    one, other = (run_method("scsvt", take, scsvt.Params(tolerance=t)) for t in (3e-4, 3e-6))
+    assert one.converged
+    assert other.converged
+    assert other.trace[-1] <= 3e-6
+    assert other.facts["excess_mm"] <= 3e-6
+    size = np.linalg.norm(other.positions - other.positions.mean(axis=(0, 1)))
+    assert np.linalg.norm(one.positions - other.positions) <= 1e-5 * size
+
+
+def test_bones_that_exclude_each_other_are_named_as_the_reason():
+    truth, missing = arm()
+    skeleton = replace(truth.skeleton, before=0.5 * truth.skeleton.before)
+    inner = np.zeros_like(missing)
+    inner[30:50, 2] = True
+    take = replace(hide(truth, inner), skeleton=skeleton)
+    solution = run_method("scsvt", take, scsvt.Params(tolerance=1e-3))
+    assert not solution.converged
+    assert "exclude each other" in solution.reason
+
+
 def test_long_enough_bones_give_svt():
     truth, missing = arm()
     skeleton = replace(truth.skeleton, before=10 * truth.skeleton.before)

@@ -16,7 +16,7 @@ class DistanceBounds:
     """
 
     def __init__(self, first: Ints, second: Ints, lengths: Floats, n_samples: int) -> None:
-        self.lengths = lengths
+        self.first, self.second, self.lengths = first, second, lengths
         rows, ones = np.arange(len(lengths)), np.ones(len(lengths))
         entries = np.concatenate([ones, -ones]), (np.tile(rows, 2), np.concatenate([first, second]))
         self._difference = scipy.sparse.csr_array(entries, shape=(len(lengths), n_samples))

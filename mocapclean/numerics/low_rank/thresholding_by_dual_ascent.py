@@ -25,6 +25,7 @@ class Iterate:
 
     matrix: (F, n), Z. residual: root mean square of B − Z over the known entries. excess: largest excess over a bound.
     trace: the residual after every iteration. converged: whether residual and excess are within their tolerances.
+    contradictory: whether the bounds were found to exclude each other.
     """
 
     matrix: Floats
@@ -32,6 +33,7 @@ class Iterate:
     excess: float = np.inf
     trace: list[float] = field(default_factory=list)
     converged: bool = False
+    contradictory: bool = False
 
 
 @dataclass(kw_only=True)

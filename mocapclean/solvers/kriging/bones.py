@@ -6,6 +6,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.bone_projection import project_to_bone_lengths
+from mocapclean.numerics.robust import median
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 from mocapclean.take import Take
 from mocapclean.take.bones import known_bones, rigid_pairs
@@ -54,7 +55,7 @@ class Bones:
         if not len(self.ends) or not filled.any():
             return positions
         # min Σ p |y - t|² + Σ w (length error)²: p = m / sd², w = m / spread², m the median variance.
-        median_variance = float(np.median(sd[filled])) ** 2
+        median_variance = median(sd[filled]) ** 2
         median_sd = np.sqrt(median_variance)
         precision = median_variance / np.where(filled, np.maximum(sd, MIN_SAMPLE_SD * median_sd), 1.0) ** 2
         weights = median_variance / np.maximum(self.spreads, MIN_BONE_SD * median_sd) ** 2

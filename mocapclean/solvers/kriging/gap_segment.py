@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.numerics.robust import median
 from mocapclean.solvers.kriging.extrapolation import pose_growth
 from mocapclean.solvers.kriging.frame_selection import (
     MIN_TRAINING,
@@ -142,7 +143,7 @@ class GapSegment:
             return answer
         length, floor = int(plan.inside[-1]) + 1, self.state.params.noise**2
         answer = answer[0], answer[1] * np.sqrt(len(plan.gap) / length)
-        in_windows = float(np.median(self.rest.variances(plan.windows[:, 0], length, self.edges)))
+        in_windows = median(self.rest.variances(plan.windows[:, 0], length, self.edges))
         in_gap = self.rest.variance(*self.beside)
         positions, sd = answer
         widened = sd * np.sqrt(max(1.0, (in_gap + floor) / (in_windows + floor)))

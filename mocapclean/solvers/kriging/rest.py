@@ -6,6 +6,7 @@ Windows resemble a gap where these three are equal.
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.numerics.robust import quantile
 
 REST_SHARE = 0.5
 """Of the rigidity parameter, the RMS distance of samples from their mean up to which they are at rest: 1 mm.
@@ -85,4 +86,4 @@ def noise_of(track: Floats, known: Bools) -> float:
     if not inside.any():
         return 0.0
     bends = np.linalg.norm(track[:-2] - 2.0 * track[1:-1] + track[2:], axis=1)[inside]
-    return float(np.quantile(bends, 0.25) / (np.sqrt(6.0) * QUARTILE_OF_NOISE))
+    return float(quantile(bends, 0.25) / (np.sqrt(6.0) * QUARTILE_OF_NOISE))

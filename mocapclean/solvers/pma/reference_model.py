@@ -6,7 +6,7 @@ import numpy as np
 import scipy
 
 from mocapclean.arrays import Bools, Floats, evenly_spaced
-from mocapclean.solvers.pma.kernels import kernel_regression, likelihood
+from mocapclean.solvers.pma.kernels import Density, kernel_regression
 from mocapclean.solvers.pma.padded_gap import PaddedGap
 from mocapclean.solvers.pma.params import Params, Predictor
 from mocapclean.solvers.pma.triads import triad_frames
@@ -48,10 +48,11 @@ class ReferenceModel:
         self.slopes = scipy.linalg.lstsq(
             design, self.targets, cond=ROUNDING, lapack_driver="gelsy", check_finite=False
         )[0]
-        # The distances |x − P_k| (n, 3): their percentiles, and the samples of p_k
+        # The distances |x − P_k| (n, 3): their percentiles, and p_k
         distances = np.linalg.norm(local[frames][:, list(references)] - local[frames, marker][:, None], axis=-1)
         self.bounds = np.quantile(distances, _PERCENTILES, axis=0, method="hazen")
-        self.samples = distances[evenly_spaced(len(frames), _DENSITY_FRAMES)].T
+        samples = distances[evenly_spaced(len(frames), _DENSITY_FRAMES)]
+        self.densities = [Density(column) for column in samples.T]
 
     def paths(self, gap: PaddedGap, known: Floats, triads: Floats) -> Iterator[Floats]:
         """Yield the paths (n, 3) of the predictors over the span of a gap.
@@ -80,7 +81,7 @@ class ReferenceModel:
     def likelihood(self, path: Floats, triads: Floats) -> Floats:
         """Return w = Π_k p_k(|x̂ − P_k|), (n,), of a path (n, 3) with the references (3, n, 3)."""
         distances = np.linalg.norm(triads - path, axis=-1)
-        product: Floats = np.prod([likelihood(s, d) for s, d in zip(self.samples, distances, strict=True)], axis=0)
+        product: Floats = np.prod([p.at(d) for p, d in zip(self.densities, distances, strict=True)], axis=0)
         return product
 
     def constrained(self, path: Floats, triads: Floats) -> Floats:

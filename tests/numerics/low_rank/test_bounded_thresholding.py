@@ -4,6 +4,8 @@ import cvxpy as cp
 import numpy as np
 import pytest
 
+from mocapclean.numerics.low_rank import thresholding_by_newton as newton_module
+from mocapclean.numerics.low_rank.determined_samples import with_determined
 from mocapclean.numerics.low_rank.distance_bounds import DistanceBounds, no_bounds
 from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import (
     DualIterate,
@@ -11,6 +13,7 @@ from mocapclean.numerics.low_rank.thresholding_by_dual_ascent import (
     project_to_cones,
     threshold_by_dual_ascent,
 )
+from mocapclean.numerics.low_rank.thresholding_by_newton import threshold_by_newton
 from mocapclean.numerics.low_rank.thresholding_by_splitting import FeasiblePairs, threshold_by_splitting
 
 TAU = 30.0
@@ -45,6 +48,13 @@ def split(values, known, bounds, *, memory=10, penalty=20.0, tolerance=1e-9, max
     return threshold_by_splitting(
         values, known, bounds, threshold=TAU, penalty=penalty, memory=memory, tolerance=tolerance,
         excess_tolerance=tolerance, max_iterations=max_iterations,
+    )  # fmt: skip
+
+
+def newton(values, known, bounds, *, tolerance=1e-10, max_iterations=2000) -> Iterate:
+    return threshold_by_newton(
+        values, known, bounds, threshold=TAU, tolerance=tolerance, excess_tolerance=tolerance,
+        max_iterations=max_iterations,
     )  # fmt: skip
 
 
@@ -130,13 +140,8 @@ def test_feasible_pairs_are_the_nearest_by_least_squares(rng):
     np.testing.assert_allclose(differences, rows @ expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("with_bounds", [False, True])
-def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_bounds):
-    values, known, bounds, ends = chain(rng, 8)
-    if not with_bounds:
-        bounds, ends = no_bounds(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
-    result = split(values, known, bounds)
-    assert result.converged
+def least_by_interior_points(values, known, ends) -> tuple[np.ndarray, float]:
+    """Z and the cost of the minimum, by an independent solver."""
     Z = cp.Variable(values.shape)
     rules = [cp.multiply(known.astype(float), Z) == values]
     for a, b, length in zip(*ends, strict=True):
@@ -144,11 +149,109 @@ def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rn
         rules.append(cp.norm(Z[row, 3 * one : 3 * one + 3] - Z[row, 3 * other : 3 * other + 3]) <= length)
     cost = TAU * cp.normNuc(Z) + 0.5 * cp.sum_squares(Z)
     best = cp.Problem(cp.Minimize(cost), rules).solve(solver=cp.CLARABEL)
-    mine = TAU * np.linalg.norm(result.matrix, "nuc") + 0.5 * np.sum(result.matrix**2)
-    assert mine == pytest.approx(best, rel=1e-6)
-    np.testing.assert_allclose(result.matrix, Z.value, atol=2e-3)
+    return Z.value, best
+
+
+def cost_of(matrix: np.ndarray) -> float:
+    return TAU * np.linalg.norm(matrix, "nuc") + 0.5 * np.sum(matrix**2)
+
+
+@pytest.mark.parametrize("with_bounds", [False, True])
+def test_splitting_agrees_with_an_interior_point_solver_whatever_speeds_it_up(rng, with_bounds):
+    values, known, bounds, ends = chain(rng, 8)
+    if not with_bounds:
+        bounds, ends = no_bounds(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
+    result = split(values, known, bounds)
+    assert result.converged
+    matrix, best = least_by_interior_points(values, known, ends)
+    assert cost_of(result.matrix) == pytest.approx(best, rel=1e-6)
+    np.testing.assert_allclose(result.matrix, matrix, atol=2e-3)
     for settings in ({"memory": 0, "tolerance": 1e-7}, {"penalty": 80.0}):
         np.testing.assert_allclose(split(values, known, bounds, **settings).matrix, result.matrix, atol=1e-4)
+
+
+@pytest.mark.parametrize("with_bounds", [False, True])
+def test_newton_agrees_with_an_interior_point_solver_and_with_itself_to_many_digits(rng, monkeypatch, with_bounds):
+    values, known, bounds, ends = chain(rng, 8)
+    if not with_bounds:
+        bounds, ends = no_bounds(values.size // 3), (np.zeros(0, int),) * 2 + (np.zeros(0),)
+    result = newton(values, known, bounds)
+    assert result.converged
+    matrix, best = least_by_interior_points(values, known, ends)
+    assert cost_of(result.matrix) == pytest.approx(best, rel=1e-6)
+    np.testing.assert_allclose(result.matrix, matrix, atol=2e-3)
+    np.testing.assert_allclose(result.matrix, split(values, known, bounds).matrix, atol=1e-5)
+    monkeypatch.setattr(newton_module, "_FIRST_PENALTY", 1000.0)
+    norm = np.linalg.norm(result.matrix)
+    assert np.linalg.norm(newton(values, known, bounds).matrix - result.matrix) <= 1e-8 * norm
+
+
+def test_newton_converges_faster_than_linearly(rng):
+    values, known, bounds, _ = chain(rng, 60)
+    result = newton(values, known, bounds)
+    assert result.converged
+    assert result.residual <= 1e-10
+    assert result.excess <= 1e-10
+    assert result.trace[-1] / result.trace[-2] <= 0.02 < result.trace[2] / result.trace[1]
+
+
+def test_newton_stops_at_its_limit_and_reports_it(rng):
+    values, known, bounds, _ = chain(rng)
+    result = newton(values, known, bounds, max_iterations=3)
+    assert not result.converged
+    assert 1 <= len(result.trace) <= 3
+
+
+def test_newton_gives_up_bounds_that_exclude_each_other(rng):
+    _, trusted, values, bounds = straight_limb(rng)
+    short = DistanceBounds(bounds.first, bounds.second, 0.8 * bounds.lengths, 40)
+    result = newton(values, np.repeat(trusted, 3, axis=1), short)
+    assert result.contradictory
+    assert not result.converged
+    assert len(result.trace) < 40
+    fine = newton(values, np.repeat(trusted, 3, axis=1), bounds, tolerance=1e-9)
+    assert fine.converged
+    assert not fine.contradictory
+
+
+def straight_limb(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, DistanceBounds]:
+    """Ten frames of a limb of four joints, stretched out in the first half; the two joints between its ends unknown."""
+    lengths = np.array([3.0, 1.0, 2.0])
+    steps = rng.normal(size=(10, 3, 3))
+    steps[:5] = steps[:5, :1]
+    steps *= (lengths / np.linalg.norm(steps, axis=2))[..., None]
+    joints = np.concatenate([np.zeros((10, 1, 3)), np.cumsum(steps, axis=1)], axis=1) + rng.normal(size=(10, 1, 3))
+    trusted = np.ones((10, 4), dtype=bool)
+    trusted[:, 1:3] = False
+    frames, bones = np.indices((10, 3)).reshape(2, -1)
+    bounds = DistanceBounds(4 * frames + bones, 4 * frames + bones + 1, lengths[bones], 40)
+    return joints.reshape(10, 12), trusted, np.where(np.repeat(trusted, 3, axis=1), joints.reshape(10, 12), 0.0), bounds
+
+
+def test_joints_of_a_stretched_limb_are_put_in_their_place_and_others_are_not(rng):
+    truth, trusted, values, bounds = straight_limb(rng)
+    placed, known = with_determined(values, np.repeat(trusted, 3, axis=1), bounds)
+    assert known[:5].all()
+    assert np.array_equal(known[5:, ::3], trusted[5:])
+    np.testing.assert_allclose(placed[:5], truth[:5], atol=1e-9)
+    assert np.array_equal(placed[5:], values[5:])
+
+
+def test_a_stretched_limb_does_not_keep_newton_from_its_tolerance(rng):
+    truth, trusted, values, bounds = straight_limb(rng)
+    result = newton(values, np.repeat(trusted, 3, axis=1), bounds, tolerance=1e-9)
+    assert result.converged
+    np.testing.assert_allclose(result.matrix[:5], truth[:5], atol=1e-6)
+
+
+def test_a_bone_of_no_length_puts_its_ends_together(rng):
+    values = rng.normal(size=(3, 6))
+    known = np.ones((3, 6), dtype=bool)
+    known[1, 3:] = False
+    bounds = DistanceBounds(np.array([3]), np.array([2]), np.zeros(1), 6)
+    placed, determined = with_determined(np.where(known, values, 0.0), known, bounds)
+    assert determined.all()
+    assert np.array_equal(placed[1, 3:], values[1, :3])
 
 
 def test_splitting_needs_far_fewer_iterations_than_the_ascent_for_the_same_answer(rng):
@@ -173,7 +276,7 @@ def test_bounds_matter_here(rng):
 
 def test_zero_matrix_is_answered_at_once():
     nothing = np.zeros((4, 6)), np.ones((4, 6), bool), no_bounds(8)
-    for result in (climb(*nothing, step=1.0), split(*nothing)):
+    for result in (climb(*nothing, step=1.0), split(*nothing), newton(*nothing)):
         assert result.converged
         assert len(result.trace) == 1
         assert not result.matrix.any()
