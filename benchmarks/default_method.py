@@ -1,7 +1,8 @@
 """What the default method costs: a minute of 41 markers at 120 Hz with 5 % missing in 200 gaps, self-check included.
 
 Processor time and the most memory held at once (tracemalloc), over frames and over gaps; ``growth`` is the time over
-that of the line before, divided by what the frames or the gaps grew: at most 1 where it grows no faster. With a file
+that of the line before, divided by what the frames or the gaps grew: at most 1 where it grows no faster. Then the time on
+the clock of the fill on one core and on all cores, which have the same result. With a file
 that defines fill(positions, missing), the time of that on the same take stands beside it.
 
     python benchmarks/default_method.py [file]
@@ -12,12 +13,15 @@ import os
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import runpy
+import statistics
 import sys
 import tracemalloc
-from time import process_time
+from time import perf_counter, process_time
 
 import numpy as np
 
+from mocapclean.batch.limits import processors
+from mocapclean.cores import sharing
 from mocapclean.evaluation import self_check
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
@@ -70,6 +74,21 @@ def memory(take):
     return most / take.positions.nbytes
 
 
+def share(take):
+    """Print the seconds on the clock of a fill on one core and on all, medians of five runs by turns."""
+    params, n = SOLVERS[METHOD].Params(), processors()
+    seconds, results = {1: [], n: []}, {}
+    for _ in range(5):
+        for cores, times in seconds.items():
+            with sharing(cores):
+                begin = perf_counter()
+                results[cores] = run_method(METHOD, take, params)
+                times.append(perf_counter() - begin)
+    alone, shared = (statistics.median(times) for times in seconds.values())
+    same = np.array_equal(results[1].positions, results[n].positions)
+    print(f"{n} cores: {shared:.2f} s on the clock, one core {alone:.2f} s, {alone / shared:.2f} times; same: {same}")
+
+
 def grow(what, takes):
     """Print the seconds of takes that double each time, and how they grow."""
     before = None
@@ -93,6 +112,7 @@ def main() -> None:
         print(
             f"the other: {seconds:.2f} s, {seconds / both:.1f} times ours, {seconds / filled:.1f} times the fill alone"
         )
+    share(take)
     print(f"memory {memory(take):.1f} times the take", flush=True)
     few, double = N_GAPS // 4, 2 * N_FRAMES
     grow("frames", ((n, lose(whole.crop(0, n), few, length)) for n in (N_FRAMES // 2, N_FRAMES, double, 2 * double)))

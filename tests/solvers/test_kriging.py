@@ -213,3 +213,24 @@ def test_a_point_computed_from_a_marker_is_no_neighbour_of_it():
     alone = run_method("kriging", take_of(truth, missing), Params())
     together = run_method("kriging", take_of(both, wide), Params())
     assert rms((together.positions[:, :15] - alone.positions)[missing]) < 0.1
+
+
+def test_more_gaps_are_filled_from_a_solution_without_filling_its_gaps_again(rng):
+    truth, first = body(480, noise=0.2), block_loss(480, 15, 40, 4, rng)
+    more = missing_of([(3, 130, 150), (8, 300, 330)], 480) & ~first
+    begun = run_method("kriging", take_of(truth, first), Params())
+    solution = run_method("kriging", take_of(truth, first | more), Params(), wanted=more, begun=begun)
+    anew = run_method("kriging", take_of(truth, first | more), Params(), wanted=more)
+    assert solution.filled[first | more].all()
+    assert np.array_equal(solution.sd[first], begun.sd[first])
+    assert rms((solution.positions - truth)[more]) < 1.2 * rms((anew.positions - truth)[more]) + 0.05
+
+
+def test_a_solution_to_begin_with_has_no_say_where_its_samples_are_trusted(rng):
+    truth, first = body(480, noise=0.2), missing_of([(1, 100, 140), (8, 300, 330)], 480)
+    begun = run_method("kriging", take_of(truth, first), Params())
+    second = missing_of([(4, 200, 230)], 480)
+    once = run_method("kriging", take_of(truth, second), Params())
+    again = run_method("kriging", take_of(truth, second), Params(), begun=begun)
+    assert np.array_equal(once.positions, again.positions)
+    assert np.array_equal(once.sd, again.sd)
