@@ -2,7 +2,8 @@
 
 Processor time and the most memory held at once (tracemalloc), over frames and over gaps; ``growth`` is the time over
 that of the line before, divided by what the frames or the gaps grew: at most 1 where it grows no faster. Then the time
-on the clock of the fill on one core and on all cores, which have the same result. With a file that defines fill(positions, missing), the time of that on the same take stands beside it.
+on the clock of the fill on one core and on all cores, which have the same result. With a file that defines
+fill(positions, missing), the time of that on the same take stands beside it.
 
     python benchmarks/default_method.py [file]
 """
