@@ -102,9 +102,9 @@ def _predicted(
         return completion, predict(completion.filled, given.usable, body.rigid, slide=slide, only=body.attached)
     last, prediction = known
     completion = complete(given.positions, given.usable, body.rigid, body.attached, last)
-    changed = affected(last.filled, last.usable, completion.filled, given.usable, body.rigid)
-    only = changed & body.attached
-    return completion, predict(completion.filled, given.usable, body.rigid, slide=slide, only=only, known=prediction)
+    kept = prediction, ~affected(last.filled, last.usable, completion.filled, given.usable, body.rigid)
+    only = body.attached
+    return completion, predict(completion.filled, given.usable, body.rigid, slide=slide, only=only, known=kept)
 
 
 def _candidates(credible: list[Step], known: tuple[Step, ...], paths: MarkerPaths) -> list[Step]:

@@ -35,7 +35,7 @@ def attached(positions: Floats, trusted: Bools, rigid: Rigidity, rate: float) ->
     less than half of the mean. A change does not depend on where in its segment a marker sits.
 
     Most markers need no regression: their segment carries them. A fixed place in it predicts their changes with less
-    than half of the median error of the guess. Only the others are predicted.
+    than half of the median error of the guess, and less than the mean. Only the others are predicted.
 
     Faults must not hide a segment. Samples that repeat the one before are left out, unless the marker rests in half of
     them. A marker that fails is tried again without the best step of its place among the others.
@@ -62,8 +62,12 @@ def _are_carried(filled: Floats, judged: Bools, rigid: Rigidity, rate: float) ->
     """Return which markers (M,) their segments carry, by their judged samples (F, M) of positions (F, M, 3)."""
     block, residual = _blocks(judged), filled - carried(filled, judged, rigid)
     residual[~judged] = np.nan
-    errors = [_errors(filled[:, m], residual[:, m], block[:, m], rate) for m in range(judged.shape[1])]
-    return np.array([bool(len(e)) and bool(median(e) < _CARRIED * median(guessed)) for e, guessed in errors])
+    carried_on = np.zeros(judged.shape[1], dtype=bool)
+    for m in range(judged.shape[1]):
+        error, guessed = _errors(filled[:, m], residual[:, m], block[:, m], rate)
+        if len(error):
+            carried_on[m] = median(error) < _CARRIED * median(guessed) and error.mean() < guessed.mean()
+    return carried_on
 
 
 def _are_attached(filled: Floats, judged: Bools, rigid: Rigidity, rate: float, only: Bools) -> Bools:

@@ -56,32 +56,35 @@ def predict(
     *,
     slide: int | None = None,
     only: Bools | None = None,
-    known: Prediction | None = None,
+    known: tuple[Prediction, Bools] | None = None,
     screened: bool = True,
 ) -> Prediction:
     """Return the prediction of every marker, or only of some (M,), in every frame.
 
     positions: (F, M, 3), finite everywhere. usable: (F, M), the samples to learn from. slide: the longest slide to a
-    step, in frames; None searches for no steps. known: an earlier prediction, which the markers that are not in
-    ``only`` keep. screened: whether only steps that may be credible are searched for. A marker with fewer than 3
-    partners or 10 usable frames is not predicted: its predicted position is its mean place in all frames, so that its
-    residual is its own path.
+    step, in frames; None searches for no steps. known: an earlier prediction, and the markers (M,) that keep it.
+    screened: whether only steps that may be credible are searched for. A marker with fewer than 3 partners or 10 usable
+    frames is not predicted: its predicted position is its mean place in all frames, so that its residual is its own
+    path.
     """
     paths = _paths(positions)
-    only = np.ones(usable.shape[1], dtype=bool) if only is None else only
+    kept = np.zeros(usable.shape[1], dtype=bool) if known is None else known[1]
+    wanted = ~kept if only is None else only & ~kept
     neighbours = _Neighbours.of(rigid)
-    predicted = neighbours.predicted(usable, only)
+    predicted = neighbours.predicted(usable, wanted)
+    alone, steps = ~kept & ~predicted, list[Step]()
     if known is None:
         place, residual = np.empty_like(paths), np.empty_like(paths)
-        rotation, alone, steps = np.empty((3, *paths.shape)), ~predicted, list[Step]()
+        rotation = np.empty((3, *paths.shape))
     else:
-        place, residual, rotation = (_paths(part).copy() for part in (known.positions, known.residual, known.rotation))
-        alone, steps = only & ~predicted, [step for step in known.steps if not only[step.marker]]
-        predicted = predicted | (known.predicted & ~only)
+        last = known[0]
+        place, residual, rotation = (_paths(part).copy() for part in (last.positions, last.residual, last.rotation))
+        steps += [step for step in last.steps if kept[step.marker]]
+        predicted = predicted | (last.predicted & kept)
     place[:, alone] = paths[:, alone].mean(axis=2, keepdims=True)
     residual[:, alone] = paths[:, alone] - place[:, alone]
     rotation[:, :, alone], everywhere = np.eye(3)[:, :, None, None], np.arange(len(usable))
-    for segment in _segments(paths, usable, neighbours, only):
+    for segment in _segments(paths, usable, neighbours, wanted):
         markers, fit = segment.markers, regress(segment.sample)
         place[:, markers], axes = segment.predicted(paths, everywhere, fit)
         residual[:, markers], rotation[:, :, markers] = _to_segment(paths[:, markers] - place[:, markers], axes), axes

@@ -22,9 +22,9 @@ LONGEST_SLIDE = 0.1  # share of the rows that a slide may take
 _N_CANDIDATES = 80  # candidates of the coarse search
 _SCREEN_ROWS = 200  # rows of the search that shows which markers may have a step; chosen for speed
 # Size, mm, and score from which on that search shows a step. Chosen on every fourth capture, up to 1200 frames, as they
-# are and with faults: a third of the markers are left, with all 544 steps of the least size and score.
+# are and with faults: a third of the markers are left, with all 514 steps of the least size and score.
 _SCREEN_SIZE = 4.0
-_SCREEN_SCORE = 1.5
+_SCREEN_SCORE = 0.5
 _EDGE = 0.08  # share of the rows at each end in which no step is looked for
 _FEWEST_EDGE = 10  # rows at each end, at least
 _LEAST_SUPPORT = 0.4  # mean weight that the rows of both sides of a step must keep

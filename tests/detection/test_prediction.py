@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from mocapclean.detection.prediction import complete, predict
+from mocapclean.detection.prediction import affected, carried, complete, predict
 from mocapclean.geometry.alignment import align_shapes
 from mocapclean.geometry.distances import rigidity
 
@@ -137,3 +137,40 @@ def test_a_slide_may_be_longer_than_any_take(rng):
     positions = body(rng)
     usable = np.ones(positions.shape[:2], bool)
     predict(positions, usable, rigidity(positions, usable), slide=10**40)
+
+
+def test_what_has_not_changed_is_predicted_as_before(rng):
+    positions = body(rng, n_markers=26)
+    positions[:, 13:] += [3000.0, 0.0, 0.0]
+    positions[:, 25] = 2000.0 + np.cumsum(rng.normal(size=(300, 3)), axis=0)
+    positions = positions + rng.normal(size=positions.shape)
+    usable = rng.random(positions.shape[:2]) > 0.02
+    rigid, attached = rigidity(positions, usable), np.arange(26) != 25
+    first = complete(positions, usable, rigid, attached)
+    before = predict(first.filled, usable, rigid, slide=20, only=attached)
+    # A marker of the one body and the lonely marker change; the other body does not.
+    positions, usable = positions.copy(), usable.copy()
+    positions[150:, 3] += 30.0
+    positions[60:, 25] += 50.0
+    usable[40:60, 3] = False
+    then = complete(positions, usable, rigid, attached, first)
+    kept = ~affected(first.filled, first.usable, then.filled, usable, rigid)
+    assert 0 < kept.sum() < 25
+    assert not kept[[3, 25]].any()
+    done = predict(then.filled, usable, rigid, slide=20, only=attached, known=(before, kept))
+    anew = complete(positions, usable, rigid, attached)
+    expected = predict(anew.filled, usable, rigid, slide=20, only=attached)
+    np.testing.assert_allclose(then.filled, anew.filled, atol=1e-7)
+    for part in ("positions", "residual", "rotation"):
+        np.testing.assert_allclose(getattr(done, part), getattr(expected, part), atol=1e-6)
+    np.testing.assert_array_equal(done.predicted, expected.predicted)
+    assert [(step.marker, step.start) for step in done.steps] == [(step.marker, step.start) for step in expected.steps]
+
+
+def test_a_carried_marker_keeps_its_place_in_its_segment(rng):
+    positions = body(rng)
+    usable = rng.random(positions.shape[:2]) > 0.1
+    positions = positions + 0.1 * rng.normal(size=positions.shape)
+    place = carried(positions, usable, rigidity(positions, usable))
+    assert np.abs(place - positions).max() < 1.0
+    assert np.isnan(carried(positions[:, :3], usable[:, :3], rigidity(positions[:, :3], usable[:, :3]))).all()
