@@ -24,7 +24,7 @@ from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import new_file
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.report import record
-from mocapclean.report.text import totals
+from mocapclean.report.text import printable, totals
 
 
 @click.command("fill")
@@ -53,6 +53,7 @@ from mocapclean.report.text import totals
 )
 @click.option("--reference", type=FILE, help="The true take; adds the RMSE of the filled samples to the report.")
 @click.option("--report", type=FILE, help="One JSON report for all takes (default: one beside each output).")
+@click.option("--html", type=FILE, help="Also write a page with pictures of all takes, for any browser.")
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("-q", "--quiet/--no-quiet", default=None, help="Print errors only.")
@@ -90,6 +91,10 @@ def command(
     settings = resolve_settings(config, assignments, options)
     if (resume or shard) and not settings.out_dir:
         raise UsageError("--resume and --shard need --out-dir.")
+    if settings.html:
+        from mocapclean.report.page.building import require_library
+
+        require_library()
     if settings.scheduler:
         settings = settings.absolute()
     inputs = select_inputs(files, files_from, null, relative_to, settings)
@@ -101,6 +106,8 @@ def command(
         with contextlib.closing(_begin(jobs, journal, settings, stop)) as results:
             n_earlier = _collect(results, jobs, journal, settings, as_json)
         code = _conclude(jobs, journal, settings, as_json, n_earlier)
+        if settings.html:
+            _write_html(settings.html, jobs, journal, in_one_file=not (resume or shard), quiet=settings.quiet or as_json)
     if journal.fault:
         complain(f"{journal.fault} The report is complete, but --resume will repeat some takes.")
     if stop.signal:
@@ -185,6 +192,25 @@ def _row(job: RepairJob, journal: Journal) -> Mapping[str, Any]:
         return record.row(Outcome(source=job.source, status="skipped", error=error, exit_code=1))
     paths = {"output": job.output, "sidecar": job.sidecar}
     return {**row, "source": str(job.source), **{name: row[name] and str(path) for name, path in paths.items()}}
+
+
+def _write_html(page: Path, jobs: list[RepairJob], journal: Journal, *, in_one_file: bool, quiet: bool) -> None:
+    """Write the page of the run. in_one_file: whether the data of few takes go into it, so that none lie beside it."""
+    from mocapclean.report.page.building import PageTake, write_page
+    from mocapclean.report.page.places import MOST_EMBEDDED, remove_data
+
+    journal.begin(report_name(page))
+    embed = in_one_file and len(jobs) <= MOST_EMBEDDED
+    takes = [(_row(job, journal), job.page) for job in jobs]
+    write_page(
+        page,
+        (PageTake(row=row, data=path if path and path.exists() and row["status"] != "failed" else None) for row, path in takes),
+        embed=embed,
+    )
+    if embed:
+        remove_data(page, [path for _, path in takes if path])
+    if not quiet:
+        click.echo(printable(f"page in {page}"))
 
 
 def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_json: bool, n_earlier: int) -> int:

@@ -35,7 +35,7 @@ MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 _SECTION = ConfigDict(**STRICT, frozen=True)
 
 _NO_EFFECT_ON_REPAIR = {
-    *("output", "out_dir", "sidecar", "overwrite", "report", "include_files", "exclude_files", "quiet", "verbose"),
+    *("output", "out_dir", "sidecar", "overwrite", "report", "html", "include_files", "exclude_files", "quiet", "verbose"),
     *("workers", "timeout", "memory", "scheduler"),
 }
 """Options that choose takes, places and resources. The repaired samples do not depend on them."""
@@ -159,6 +159,7 @@ class Settings(BaseModel):
     out_dir: Path | None = Field(default=None, description="folder for the repaired files")
     sidecar: Path | None = Field(default=None, description="arrays as .npz: a file for one input, or a folder")
     overwrite: bool = Field(default=False, description="replace existing outputs")
+    html: Path | None = Field(default=None, description="a page with pictures of all takes, to open in a browser")
     report: bool | Path = Field(default=True, description="beside each output; or one file for all takes; or false")
     workers: PositiveInt | Literal["auto"] = Field(
         default=1, description="takes repaired at the same time; auto: one per processor"

@@ -15,7 +15,7 @@ from mocapclean.formats.contract import Declaration, Format
 from mocapclean.formats.fitting import fit_poses
 from mocapclean.formats.skeleton_files import find_skeleton, new_skeleton_path
 from mocapclean.geometry.skeleton import Skeleton
-from mocapclean.take import ReadOptions, Take
+from mocapclean.take import Event, ReadOptions, Take
 
 FORMATS: dict[str, Format] = {"c3d": c3d, "bvh": bvh, "amc": amc}
 
@@ -98,6 +98,11 @@ def carried(take: Take) -> tuple[str, ...]:
     """Return the names of the points of a take's file that are no markers of it and are carried along untouched."""
     document = take.origin.document if take.origin else None
     return document.carried if isinstance(document, c3d.C3dDocument) else ()
+
+
+def events(take: Take) -> tuple[Event, ...]:
+    """Return the events that a take's file states, such as foot strikes."""
+    return c3d.events(take)
 
 
 def outdated(take: Take) -> tuple[str, ...]:

@@ -41,6 +41,18 @@ class Finding:
     suspicion: bool = False
 
 
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """A named moment of a take, such as a foot strike, as the file states it.
+
+    label: what happens. context: whose it is, such as "Left", or "". frame: index from 0, a fraction between frames.
+    """
+
+    label: str
+    context: str
+    frame: float
+
+
 @dataclass(frozen=True)
 class Exchanged:
     """Two markers whose samples were exchanged in a half-open span of frames (start, stop)."""

@@ -1,0 +1,172 @@
+// The curves of one marker around a gap: X, Y and Z, or the angles of a joint, before and after, with the 90 % band.
+
+import { colour, draw, fields, figure, library, onRange, range, source, zoom } from "./charts.js";
+import { decimated } from "./series.js";
+import { byId, element } from "./text.js";
+
+const BAND = 1.645; // standard deviations to both sides that hold 90 % of a normal distribution
+const AXES = ["X", "Y", "Z"];
+const HEIGHT = 128; // pixels of a curve's frame
+
+/** @typedef {import("./series.js").Samples} Samples */
+/** @typedef {{label: string, unit: string, before: (frame: number) => number, after: (frame: number) => number,
+ *  bar: (frame: number) => number, neighbours: ((frame: number) => number)[]}} Curve */
+
+/** The curves of one marker. */
+export class Curves {
+  /** @param {Samples} samples @param {{name: string, colour: string}[]} kinds @param {(frame: number) => void} hover */
+  constructor(samples, kinds, hover) {
+    this.samples = samples;
+    this.kinds = Object.fromEntries(kinds.map((kind) => [kind.name, kind.colour]));
+    this.hover = hover;
+    this.marker = 0;
+    this.frame = 0;
+    this.angles = false;
+    this.neighbours = true;
+    this.place = /** @type {HTMLElement} */ (byId("curves"));
+    this.line = element("div", { className: "playhead" });
+    /** @type {any[]} */
+    this.charts = [];
+  }
+
+  /** The channels of the marker's joint and of those above it that changed. */
+  channels() {
+    const { samples } = this;
+    return samples.channels.map((/** @type {any} */ channel, /** @type {number} */ i) => ({ ...channel, i }))
+      .filter((/** @type {any} */ channel) => channel.joint === samples.markers[this.marker]);
+  }
+
+  /** @returns {Curve[]} */
+  curves() {
+    const { samples, marker } = this;
+    if (this.angles) {
+      return this.channels().map((/** @type {any} */ channel) => ({
+        label: `${channel.axis} ${channel.unit === "mm" ? "shift" : "angle"}`, unit: channel.unit, bar: () => NaN, neighbours: [],
+        before: (/** @type {number} */ frame) => samples.angle(channel.i, frame, false),
+        after: (/** @type {number} */ frame) => samples.angle(channel.i, frame, true),
+      }));
+    }
+    return AXES.map((label, axis) => ({
+      label, unit: "mm",
+      before: (frame) => samples.value(marker, axis, frame, false),
+      after: (frame) => samples.value(marker, axis, frame, true),
+      bar: (frame) => samples.sd ? samples.sd[marker * samples.n_frames + frame] : NaN,
+      neighbours: this.neighbours ? samples.view.neighbours[marker].map((/** @type {number} */ other) =>
+        (/** @type {number} */ frame) => samples.value(other, axis, frame, true)) : [],
+    }));
+  }
+
+  /** Show a marker between two frames. @param {number} marker @param {number} start @param {number} stop */
+  async draw(marker, start, stop) {
+    const B = library(), { samples } = this, first = samples.row.first_frame;
+    this.marker = marker;
+    this.x = range(first + start, first + stop, [first - 0.5, first + samples.n_frames - 0.5]);
+    const curves = this.curves();
+    this.charts = curves.map((curve, number) => this.#chart(curve, number === curves.length - 1));
+    const column = new B.Column({ children: this.charts.map((chart) => chart.figure), sizing_mode: "stretch_width", spacing: 2 });
+    this.place.replaceChildren();
+    if (!curves.length) {
+      this.place.append(element("p", {}, "This joint has no channels of its own."));
+      return;
+    }
+    const host = element("div");
+    this.place.append(host, this.line);
+    const view = await B.Plotting.show(column, host);
+    this.views = view.child_views ?? view._child_views ?? [];
+    if (this.views.values) this.views = [...this.views.values()];
+    onRange(this.x, () => this.update());
+    this.update();
+    this.place.onmousemove = (event) => {
+      const frame = this.at(event.clientX);
+      if (frame >= 0 && frame < samples.n_frames) this.hover(frame);
+    };
+  }
+
+  /** The frame under the pointer. @param {number} client */
+  at(client) {
+    const view = this.views[0];
+    return Math.round(view.frame.x_scale.invert(client - view.el.getBoundingClientRect().left)) - this.samples.row.first_frame;
+  }
+
+  /** @param {Curve} curve @param {boolean} is_last */
+  #chart(curve, is_last) {
+    const y = range(0, 1);
+    const made = figure({ x_range: this.x, y_range: y, height: HEIGHT + (is_last ? 38 : 0), y_axis_label: `${curve.label}, ${curve.unit}`,
+      min_border_left: 64, min_border_right: 12 });
+    made.xaxes[0].visible = is_last;
+    if (is_last) made.xaxes[0].axis_label = "frame";
+    const parts = {
+      others: source({ xs: [], ys: [] }), band: source({ x: [], low: [], high: [] }), before: source({ x: [], y: [] }),
+      replaced: source({ x: [], y: [] }), after: source({ x: [], y: [] }), filled: source({ x: [], y: [] }),
+    };
+    made.multi_line({ ...fields("xs", "ys"), line_color: colour("quiet"), line_alpha: 0.55, line_width: 1, source: parts.others });
+    made.varea({ x: { field: "x" }, y1: { field: "low" }, y2: { field: "high" }, fill_color: this.kinds.filled, fill_alpha: 0.22, source: parts.band });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.measured, line_width: 3.5, line_alpha: 0.75, source: parts.before });
+    made.line({ ...fields("x", "y"), line_color: colour("ink"), line_width: 1.3, source: parts.after });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.filled, line_width: 2.4, line_dash: "6 4", source: parts.filled });
+    made.scatter({ ...fields("x", "y"), marker: "square", size: 6, fill_color: this.kinds.replaced, line_color: colour("ink"), line_width: 0.5,
+      source: parts.replaced });
+    return { figure: made, curve, parts, y };
+  }
+
+  /** Draw what is in view. */
+  update() {
+    const { samples, marker } = this, first = samples.row.first_frame;
+    const start = Math.max(0, Math.floor(this.x.start - first)), stop = Math.min(samples.n_frames, Math.ceil(this.x.end - first) + 1);
+    const pixels = Math.max(200, this.place.clientWidth - 80);
+    const kind = (/** @type {number} */ frame) => frame >= 0 && frame < samples.n_frames ? samples.kind(marker, frame) : "measured";
+    const supplied = (/** @type {number} */ frame) => kind(frame) === "filled" || kind(frame) === "replaced";
+    for (const { curve, parts, y } of this.charts) {
+      const shown = (/** @type {(frame: number) => number} */ value) => {
+        const found = decimated(value, start, stop, pixels);
+        return { x: found.x.map((frame) => frame + first), y: found.y };
+      };
+      const joined = (/** @type {number} */ frame) => supplied(frame) || supplied(frame - 1) || supplied(frame + 1) ? curve.after(frame) : NaN;
+      parts.before.data = shown(curve.before);
+      parts.after.data = shown((frame) => supplied(frame) ? NaN : curve.after(frame));
+      parts.filled.data = shown(this.angles ? (frame) => curve.after(frame) === curve.before(frame) ? NaN : curve.after(frame) : joined);
+      parts.replaced.data = shown((frame) => kind(frame) === "replaced" ? curve.before(frame) : NaN);
+      const low = shown((frame) => curve.after(frame) - BAND * curve.bar(frame)), high = shown((frame) => curve.after(frame) + BAND * curve.bar(frame));
+      parts.band.data = banded(low, high);
+      const values = [...parts.before.data.y, ...parts.after.data.y, ...parts.filled.data.y, ...low.y, ...high.y].filter((v) => !Number.isNaN(v));
+      const least = values.reduce((a, b) => Math.min(a, b), Infinity), largest = values.reduce((a, b) => Math.max(a, b), -Infinity);
+      const middle = (least + largest) / 2, half = Math.max(0.5, (largest - least) / 2 * 1.12);
+      if (values.length) y.setv({ start: middle - half, end: middle + half });
+      parts.others.data = this.#others(curve, start, stop, pixels, middle);
+    }
+    this.show(this.frame);
+  }
+
+  /** The neighbours' curves, each shifted into view. @param {Curve} curve @param {number} start @param {number} stop @param {number} pixels @param {number} middle */
+  #others(curve, start, stop, pixels, middle) {
+    const first = this.samples.row.first_frame;
+    const shifted = curve.neighbours.map((value) => {
+      const found = decimated(value, start, stop, pixels), known = found.y.filter((v) => !Number.isNaN(v));
+      const own = known.length ? (Math.min(...known) + Math.max(...known)) / 2 : 0;
+      return { x: found.x.map((frame) => frame + first), y: found.y.map((v) => v - own + middle) };
+    });
+    return { xs: shifted.map((one) => one.x), ys: shifted.map((one) => one.y) };
+  }
+
+  /** Move the line of the current frame. @param {number} frame */
+  show(frame) {
+    this.frame = frame;
+    const view = this.views?.[0];
+    if (!view?.frame || !this.x) return;
+    const number = frame + this.samples.row.first_frame;
+    this.line.style.visibility = number >= this.x.start && number <= this.x.end ? "visible" : "hidden";
+    this.line.style.transform = `translateX(${view.frame.x_scale.compute(number)}px)`;
+  }
+
+  /** @param {number} factor */
+  zoom(factor) {
+    const first = this.samples.row.first_frame;
+    if (this.x) zoom(this.x, factor, [first - 0.5, first + this.samples.n_frames - 0.5]);
+  }
+}
+
+/** Return the area between two curves; where it has no value it is broken. @param {{x: number[], y: number[]}} low @param {{x: number[], y: number[]}} high */
+function banded(low, high) {
+  const n = Math.min(low.x.length, high.x.length);
+  return { x: low.x.slice(0, n), low: low.y.slice(0, n), high: high.y.slice(0, n) };
+}

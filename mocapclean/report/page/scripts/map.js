@@ -1,0 +1,152 @@
+// The map of a take: a row for each marker, time to the right, an area for each run of samples that is not measured.
+
+import { colour, draw, figure, library, onRange, range, source, zoom } from "./charts.js";
+import { byId, element, shortened } from "./text.js";
+
+const ROW = 15; // pixels of a marker's row
+const LABEL = 18; // most characters of a name beside a row
+
+/** @typedef {import("./series.js").Samples} Samples */
+/** @typedef {import("./series.js").Span} Span */
+/** @typedef {{frame: number, marker: number, select: (marker: number, frame: number) => void, show: (frame: number) => void}} Place */
+
+/** The map of one take. */
+export class StatusMap {
+  /**
+   * @param {Samples} samples @param {{name: string, colour: string, hatch: string, severity: number}[]} kinds
+   * @param {(marker: number, frame: number) => void} select
+   */
+  constructor(samples, kinds, select) {
+    this.samples = samples;
+    this.kinds = new Map(kinds.map((kind) => [kind.name, kind]));
+    this.select = select;
+    const touched = new Set(samples.spans.map((span) => span.marker));
+    this.touched = [...touched].sort((a, b) => a - b);
+    this.all = samples.n_markers <= 60 || touched.size === 0;
+    this.place = /** @type {HTMLElement} */ (byId("map"));
+    this.line = element("div", { className: "playhead" });
+  }
+
+  /** The markers that have a row, from the top. */
+  rows() {
+    return this.all ? this.samples.markers.map((_, marker) => marker) : this.touched;
+  }
+
+  async draw() {
+    const { samples } = this, rows = this.rows(), B = library(), first = samples.row.first_frame;
+    this.row_of = new Map(rows.map((marker, row) => [marker, rows.length - 1 - row]));
+    this.x = range(first - 0.5, first + samples.n_frames - 0.5, [first - 0.5, first + samples.n_frames - 0.5]);
+    const made = figure({
+      x_range: this.x, y_range: range(-0.5, rows.length - 0.5), height: Math.max(120, rows.length * ROW + 60), x_axis_label: "frame",
+      min_border_right: 12,
+    });
+    const names = rows.map((marker) => shortened(samples.markers[marker], LABEL));
+    const labels = new Map(rows.map((_, row) => [rows.length - 1 - row, names[row]]));
+    Object.assign(made.yaxes[0], {
+      ticker: new B.FixedTicker({ ticks: [...labels.keys()] }), major_label_overrides: labels, major_label_text_font_size: "11px",
+      major_tick_line_color: null,
+    });
+    made.center.forEach((/** @type {any} */ grid) => grid.dimension === 1 && (grid.visible = false));
+    made.hbar({ y: { field: "y" }, left: { field: "left" }, right: { field: "right" }, height: 0.8, fill_color: colour("track"), line_color: null,
+      source: source({ y: [...labels.keys()], left: rows.map(() => first - 0.5), right: rows.map(() => first + samples.n_frames - 0.5) }) });
+    this.areas = source({ left: [], right: [], top: [], bottom: [], fill: [], hatch: [] });
+    made.quad({ left: { field: "left" }, right: { field: "right" }, top: { field: "top" }, bottom: { field: "bottom" }, fill_color: { field: "fill" },
+      line_color: { field: "fill" }, line_width: 1, hatch_pattern: { field: "hatch" }, hatch_color: colour("paper"), hatch_scale: 7,
+      hatch_alpha: 0.75, source: this.areas });
+    this.#events(made, rows.length);
+    this.chart = await draw(made, this.place);
+    this.place.append(this.line);
+    onRange(this.x, () => this.update());
+    this.update();
+    this.place.onclick = (event) => this.#clicked(event);
+    this.place.ondblclick = () => this.whole();
+  }
+
+  /** Draw the file's events as lines with names. @param {any} made @param {number} n_rows */
+  #events(made, n_rows) {
+    const events = this.samples.view.events, first = this.samples.row.first_frame;
+    if (!events.length) return;
+    const x = events.map((/** @type {any} */ event) => event.frame + first);
+    const names = events.map((/** @type {any} */ event) => shortened(`${event.context.slice(0, 1)} ${event.label}`.trim(), LABEL));
+    made.y_range.end = n_rows + 1.2;
+    made.segment({ x0: { field: "x" }, x1: { field: "x" }, y0: -0.5, y1: n_rows + 0.1, line_color: colour("ink"), line_alpha: 0.55, line_dash: "3 3",
+      source: source({ x }) });
+    made.text({ x: { field: "x" }, y: n_rows + 0.2, text: { field: "text" }, text_font_size: "10px", text_color: colour("ink"), angle: 0.35,
+      text_font: "system-ui, sans-serif", source: source({ x, text: names }) });
+  }
+
+  /** Draw the areas of the frames in view; those of less than a pixel are joined, the most severe kind above. */
+  update() {
+    if (!this.chart || !this.areas) return;
+    const first = this.samples.row.first_frame, pixels = Math.max(200, this.place.clientWidth);
+    const least = (this.x.end - this.x.start) / pixels;
+    /** @type {Record<string, any[]>} */
+    const data = { left: [], right: [], top: [], bottom: [], fill: [], hatch: [] };
+    /** @type {Span | null} */
+    let last = null;
+    const put = (/** @type {Span} */ span, /** @type {number} */ row) => {
+      const kind = /** @type {any} */ (this.kinds.get(span.kind));
+      data.left.push(first + span.start - 0.5);
+      data.right.push(first + Math.max(span.stop, span.start + least) - 0.5);
+      data.top.push(row + 0.4);
+      data.bottom.push(row - 0.4);
+      data.fill.push(kind.colour);
+      data.hatch.push(span.stop - span.start > 6 * least && kind.hatch ? kind.hatch : "blank");
+    };
+    for (const span of this.samples.spans) {
+      const row = this.row_of?.get(span.marker);
+      if (row === undefined || first + span.stop < this.x.start || first + span.start > this.x.end) continue;
+      const is_short = span.stop - span.start < least;
+      if (last && is_short && last.marker === span.marker && span.start < last.start + least) {
+        const [one, other] = [last, span].map((each) => /** @type {any} */ (this.kinds.get(each.kind)).severity);
+        if (other <= one) continue;
+      }
+      put(span, row);
+      last = span;
+    }
+    this.areas.data = data;
+    this.show(this.frame ?? 0);
+  }
+
+  /** Move the line of the current frame. @param {number} frame */
+  show(frame) {
+    this.frame = frame;
+    if (!this.chart) return;
+    const number = frame + this.samples.row.first_frame, x = this.chart.x(number);
+    const is_in_view = number >= this.x.start && number <= this.x.end;
+    this.line.style.transform = `translateX(${x}px)`;
+    this.line.style.visibility = is_in_view ? "visible" : "hidden";
+  }
+
+  /** Zoom to frames. @param {number} start @param {number} stop */
+  zoomTo(start, stop) {
+    const first = this.samples.row.first_frame;
+    this.x.setv({ start: Math.max(first - 0.5, first + start), end: Math.min(first + this.samples.n_frames - 0.5, first + stop) });
+  }
+
+  whole() {
+    this.zoomTo(-0.5, this.samples.n_frames - 0.5);
+  }
+
+  /** @param {number} factor */
+  zoom(factor) {
+    const first = this.samples.row.first_frame;
+    zoom(this.x, factor, [first - 0.5, first + this.samples.n_frames - 0.5]);
+  }
+
+  /** @param {MouseEvent} event */
+  #clicked(event) {
+    if (!this.chart) return;
+    const box = this.chart.view.el.getBoundingClientRect();
+    const row = Math.round(this.chart.view.frame.y_scale.invert(event.clientY - box.top));
+    const marker = this.rows()[this.rows().length - 1 - row];
+    const frame = this.chart.frame(event.clientX) - this.samples.row.first_frame;
+    if (marker === undefined || frame < 0 || frame >= this.samples.n_frames) return;
+    // A span of a few pixels is meant by a click near it.
+    const reach = 5 * (this.x.end - this.x.start) / this.place.clientWidth;
+    const near = this.samples.spans
+      .filter((span) => span.marker === marker && frame >= span.start - reach && frame <= span.stop + reach)
+      .sort((a, b) => Math.abs(frame - (a.start + a.stop) / 2) - Math.abs(frame - (b.start + b.stop) / 2))[0];
+    this.select(marker, near ? Math.min(Math.max(frame, near.start), near.stop - 1) : frame);
+  }
+}
