@@ -13,7 +13,7 @@ export class Bones {
   /** @param {Samples} samples @param {{name: string, colour: string}[]} kinds */
   constructor(samples, kinds) {
     this.samples = samples;
-    this.kinds = Object.fromEntries(kinds.map((kind) => [kind.name, kind.colour]));
+    this.kinds = Object.fromEntries(kinds.map((kind) => [kind.name, kind]));
     /** @type {[number, number, number][]} */
     this.links = samples.view.links;
     const lengths = new Map(samples.row.bones.lengths.map((/** @type {any} */ bone) => [`${bone.start}\n${bone.end}`, bone]));
@@ -33,9 +33,9 @@ export class Bones {
 
   /** @param {number} i */
   #label(i) {
-    const [a, b] = this.links[i], { markers } = this.samples, report = this.reports[i];
+    const [a, b] = this.links[i], { names } = this.samples, report = this.reports[i];
     const worst = report ? `, off by up to ${mm(report.before.deviation, 1)} before, ${mm(report.after.deviation, 1)} after` : "";
-    return `${shortened(markers[a], NAME)} – ${shortened(markers[b], NAME)}${worst}`;
+    return `${shortened(names[a], NAME)} – ${shortened(names[b], NAME)}${worst}`;
   }
 
   /** Show the bone of a marker that deviates most. @param {number} marker */
@@ -55,8 +55,8 @@ export class Bones {
     const x = range(first, first + samples.n_frames - 1, [first, first + samples.n_frames - 1]), y = range(reference - 1, reference + 1);
     const made = figure({ x_range: x, y_range: y, height: 190, x_axis_label: "frame", y_axis_label: "length, mm", min_border_left: 64, min_border_right: 12 });
     const before = source({ x: [], y: [] }), after = source({ x: [], y: [] });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.replaced, line_width: 3, line_alpha: 0.8, source: before });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.filled, line_width: 1.4, source: after });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.replaced.colour, line_width: 3, line_alpha: 0.8, source: before });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.filled.colour, line_width: 1.4, source: after });
     made.segment({ x0: first, x1: first + samples.n_frames, y0: reference, y1: reference, line_color: colour("ink"), line_dash: "2 4" });
     const update = () => {
       const start = Math.max(0, Math.floor(x.start - first)), stop = Math.min(samples.n_frames, Math.ceil(x.end - first) + 1);

@@ -6,6 +6,7 @@ import { byId, element } from "./text.js";
 
 const BAND = 1.645; // standard deviations to both sides that hold 90 % of a normal distribution
 const AXES = ["X", "Y", "Z"];
+const SHIFT_SAMPLE = 200; // most frames from which the mean distance of a neighbour is taken
 const HEIGHT = 128; // pixels of a curve's frame
 
 /** @typedef {import("./series.js").Samples} Samples */
@@ -17,7 +18,7 @@ export class Curves {
   /** @param {Samples} samples @param {{name: string, colour: string}[]} kinds @param {(frame: number) => void} hover */
   constructor(samples, kinds, hover) {
     this.samples = samples;
-    this.kinds = Object.fromEntries(kinds.map((kind) => [kind.name, kind.colour]));
+    this.kinds = Object.fromEntries(kinds.map((kind) => [kind.name, kind]));
     this.hover = hover;
     this.marker = 0;
     this.frame = 0;
@@ -100,11 +101,11 @@ export class Curves {
       replaced: source({ x: [], y: [] }), after: source({ x: [], y: [] }), filled: source({ x: [], y: [] }),
     };
     made.multi_line({ ...fields("xs", "ys"), line_color: colour("quiet"), line_alpha: 0.55, line_width: 1, source: parts.others });
-    made.varea({ x: { field: "x" }, y1: { field: "low" }, y2: { field: "high" }, fill_color: this.kinds.filled, fill_alpha: 0.22, source: parts.band });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.measured, line_width: 3.5, line_alpha: 0.75, source: parts.before });
+    made.varea({ x: { field: "x" }, y1: { field: "low" }, y2: { field: "high" }, fill_color: this.kinds.filled.colour, fill_alpha: 0.22, source: parts.band });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.measured.colour, line_width: 3.5, line_alpha: 0.75, source: parts.before });
     made.line({ ...fields("x", "y"), line_color: colour("ink"), line_width: 1.3, source: parts.after });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.filled, line_width: 2.4, line_dash: "6 4", source: parts.filled });
-    made.scatter({ ...fields("x", "y"), marker: "square", size: 6, fill_color: this.kinds.replaced, line_color: colour("ink"), line_width: 0.5,
+    made.line({ ...fields("x", "y"), line_color: this.kinds.filled.colour, line_width: 2.4, line_dash: "6 4", source: parts.filled });
+    made.scatter({ ...fields("x", "y"), marker: "square", size: 6, fill_color: this.kinds.replaced.colour, line_color: colour("ink"), line_width: 0.5,
       source: parts.replaced });
     return { figure: made, curve, parts, y };
   }
@@ -137,13 +138,19 @@ export class Curves {
     this.show(this.frame);
   }
 
-  /** The neighbours' curves, each shifted into view. @param {Curve} curve @param {number} start @param {number} stop @param {number} pixels @param {number} middle */
+  /** The neighbours' curves, each shifted by its mean distance from the marker. @param {Curve} curve @param {number} start @param {number} stop @param {number} pixels @param {number} middle */
   #others(curve, start, stop, pixels, middle) {
-    const first = this.samples.row.first_frame;
+    const first = this.samples.row.first_frame, step = Math.max(1, Math.floor((stop - start) / SHIFT_SAMPLE));
     const shifted = curve.neighbours.map((value) => {
-      const found = decimated(value, start, stop, pixels), known = found.y.filter((v) => !Number.isNaN(v));
-      const own = known.length ? (Math.min(...known) + Math.max(...known)) / 2 : 0;
-      return { x: found.x.map((frame) => frame + first), y: found.y.map((v) => v - own + middle) };
+      let sum = 0, count = 0, own = 0, n_own = 0;
+      for (let frame = start; frame < stop; frame += step) {
+        const [here, there] = [curve.after(frame), value(frame)];
+        if (!Number.isNaN(there)) [own, n_own] = [own + there, n_own + 1];
+        if (!Number.isNaN(here - there)) [sum, count] = [sum + here - there, count + 1];
+      }
+      const shift = count ? sum / count : n_own ? middle - own / n_own : 0;
+      const found = decimated(value, start, stop, pixels);
+      return { x: found.x.map((frame) => frame + first), y: found.y.map((v) => v + shift) };
     });
     return { xs: shifted.map((one) => one.x), ys: shifted.map((one) => one.y) };
   }

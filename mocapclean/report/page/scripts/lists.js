@@ -40,6 +40,13 @@ function urgency(gap) {
   return left * 1e6 + (gap.largest_move ?? 0) * 1e3 + (gap.expected_3d ?? 0);
 }
 
+/** The gap that is to be looked at first, or else a suspicion, or else null. @param {any[]} gaps @param {any[]} findings */
+export function mostUrgent(gaps, findings) {
+  const suspicion = findings.find((finding) => finding.suspicion && finding.marker && finding.first !== null);
+  const gap = [...gaps].sort((a, b) => urgency(b) - urgency(a))[0];
+  return gap && (urgency(gap) > 1e3 || !suspicion) ? gap : suspicion ?? null;
+}
+
 /** A word with the colour and the shape of its kind. @param {string} kind @param {string} text */
 export function chip(kind, text) {
   return element("span", { className: `chip ${kind}` }, element("i", { "aria-hidden": "true" }), text);

@@ -1,5 +1,6 @@
 // The page: which of its takes is shown, the theme, and the keys.
 
+import { colour } from "./charts.js";
 import { Overview } from "./overview.js";
 import { TakeView } from "./take.js";
 import { byId, element } from "./text.js";
@@ -25,12 +26,13 @@ async function loadLibrary() {
   if (global.Bokeh) global.Bokeh.set_log_level("error");
 }
 
-/** Set the theme: that of the system, light or dark. @param {string} theme */
-function setTheme(theme) {
+/** Set the theme: that of the system, light or dark; kinds of samples have their colours in it. @param {string} theme @param {any[]} kinds */
+function setTheme(theme, kinds) {
   const dark = theme === "dark" || (theme === "auto" && matchMedia("(prefers-color-scheme: dark)").matches);
   document.documentElement.dataset.theme = dark ? "dark" : "light";
   byId("theme").textContent = `Theme: ${theme}`;
   byId("theme").dataset.theme = theme;
+  for (const kind of kinds) kind.colour = colour(kind.name);
 }
 
 async function start() {
@@ -41,13 +43,13 @@ async function start() {
   const is_single = page.takes.length === 1 && page.takes[0].key;
   const overview = new Overview(page, (index) => (location.hash = `#${index + 1}`));
   global.mocapclean = { overview, view: () => view, page };
-  setTheme("auto");
+  setTheme("auto", page.kinds);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-    setTheme(byId("theme").dataset.theme);
+    setTheme(byId("theme").dataset.theme, page.kinds);
     view?.redraw();
   });
   byId("theme").onclick = () => {
-    setTheme(THEMES[(THEMES.indexOf(byId("theme").dataset.theme) + 1) % THEMES.length]);
+    setTheme(THEMES[(THEMES.indexOf(byId("theme").dataset.theme) + 1) % THEMES.length], page.kinds);
     view?.redraw();
   };
   byId("help-button").onclick = () => byId("help").showModal();

@@ -3,12 +3,21 @@
 import { colour, draw, figure, library, onRange, range, source, zoom } from "./charts.js";
 import { byId, element, shortened } from "./text.js";
 
-const ROW = 15; // pixels of a marker's row
+const ROW = [16, 12]; // pixels of a marker's row, where there are few and where there are many
+const MANY = 32; // rows
+const WORD = 8; // most characters of an event's only word
 const LABEL = 18; // most characters of a name beside a row
 
 /** @typedef {import("./series.js").Samples} Samples */
 /** @typedef {import("./series.js").Span} Span */
 /** @typedef {{frame: number, marker: number, select: (marker: number, frame: number) => void, show: (frame: number) => void}} Place */
+
+/** The initials of an event and of whose it is, such as R FS for a right foot strike. @param {{label: string, context: string}} event */
+function abbreviated(event) {
+  const words = event.label.split(/[ _-]+/).filter(Boolean);
+  const label = words.length > 1 ? words.map((word) => word[0].toUpperCase()).join("") : event.label.slice(0, WORD);
+  return `${event.context.slice(0, 1)} ${label}`.trim() || "event";
+}
 
 /** The map of one take. */
 export class StatusMap {
@@ -37,13 +46,14 @@ export class StatusMap {
     this.row_of = new Map(rows.map((marker, row) => [marker, rows.length - 1 - row]));
     this.x = range(first - 0.5, first + samples.n_frames - 0.5, [first - 0.5, first + samples.n_frames - 0.5]);
     const made = figure({
-      x_range: this.x, y_range: range(-0.5, rows.length - 0.5), height: Math.max(120, rows.length * ROW + 60), x_axis_label: "frame",
-      min_border_right: 12,
+      x_range: this.x, y_range: range(-0.5, rows.length - 0.5), height: Math.max(90, rows.length * ROW[rows.length > MANY ? 1 : 0] + 50),
+      x_axis_location: "above", min_border_right: 12,
     });
-    const names = rows.map((marker) => shortened(samples.markers[marker], LABEL));
+    const names = rows.map((marker) => shortened(samples.names[marker], LABEL));
     const labels = new Map(rows.map((_, row) => [rows.length - 1 - row, names[row]]));
     Object.assign(made.yaxes[0], {
-      ticker: new B.FixedTicker({ ticks: [...labels.keys()] }), major_label_overrides: labels, major_label_text_font_size: "11px",
+      ticker: new B.FixedTicker({ ticks: [...labels.keys()] }), major_label_overrides: labels,
+      major_label_text_font_size: rows.length > MANY ? "10px" : "11px",
       major_tick_line_color: null,
     });
     made.center.forEach((/** @type {any} */ grid) => grid.dimension === 1 && (grid.visible = false));
@@ -65,14 +75,19 @@ export class StatusMap {
   /** Draw the file's events as lines with names. @param {any} made @param {number} n_rows */
   #events(made, n_rows) {
     const events = this.samples.view.events, first = this.samples.row.first_frame;
+    byId("events").textContent = "";
     if (!events.length) return;
     const x = events.map((/** @type {any} */ event) => event.frame + first);
-    const names = events.map((/** @type {any} */ event) => shortened(`${event.context.slice(0, 1)} ${event.label}`.trim(), LABEL));
-    made.y_range.end = n_rows + 1.2;
-    made.segment({ x0: { field: "x" }, x1: { field: "x" }, y0: -0.5, y1: n_rows + 0.1, line_color: colour("ink"), line_alpha: 0.55, line_dash: "3 3",
+    // Names that stand close together take turns in two lines.
+    const names = events.map((/** @type {any} */ event) => abbreviated(event));
+    made.y_range.end = n_rows + 1.6;
+    made.height += 26;
+    made.segment({ x0: { field: "x" }, x1: { field: "x" }, y0: -0.5, y1: n_rows - 0.4, line_color: colour("ink"), line_alpha: 0.5, line_dash: "3 3",
       source: source({ x }) });
-    made.text({ x: { field: "x" }, y: n_rows + 0.2, text: { field: "text" }, text_font_size: "10px", text_color: colour("ink"), angle: 0.35,
-      text_font: "system-ui, sans-serif", source: source({ x, text: names }) });
+    made.text({ x: { field: "x" }, y: { field: "y" }, text: { field: "text" }, text_font_size: "10px", text_color: colour("ink"), text_align: "center",
+      text_font: "system-ui, sans-serif", source: source({ x, y: x.map((/** @type {number} */ _, /** @type {number} */ i) => n_rows - 0.3 + (i % 2) * 0.95), text: names }) });
+    const words = new Map(events.map((/** @type {any} */ event) => [abbreviated(event), `${event.context} ${event.label}`.trim()]));
+    byId("events").textContent = `Events of the file: ${[...words].map(([short, long]) => `${short} ${shortened(long, 40)}`).join(", ")}`;
   }
 
   /** Draw the areas of the frames in view; those of less than a pixel are joined, the most severe kind above. */

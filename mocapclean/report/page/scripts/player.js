@@ -3,10 +3,13 @@
 import { colour, draw, fields, figure, range, source } from "./charts.js";
 import { byId, shortened } from "./text.js";
 
+const HEIGHT = 560; // pixels
 const TRAIL = 0.5; // seconds of path behind and ahead of a marker
 const MOST_TRAILS = 24; // markers with a path at the same time
 const LABEL = 20; // most characters of a name beside a marker
 const FLOOR_STEP = 500; // mm between the lines of the floor
+const PURSUIT = 0.2; // part of the way to the middle of the body that the camera goes in a picture
+const FAR = 1.4; // how many times its own size a body may move without being followed
 const SIGHT = 3; // distance of the eye in half widths of the picture: a mild perspective
 const VIEWS = /** @type {Record<string, [number, number]>} */ ({ front: [0, 0.12], side: [Math.PI / 2, 0.12], top: [0, Math.PI / 2], corner: [0.7, 0.3] });
 
@@ -30,7 +33,9 @@ export class Player {
     this.up = samples.view.up;
     this.place = /** @type {HTMLElement} */ (byId("player"));
     this.#measure();
-    this.size = this.whole_size;
+    // A body that walks far is small in a picture of its whole way.
+    this.on.follow = this.whole_size > FAR * this.body_size;
+    this.size = this.on.follow ? this.body_size : this.whole_size;
     this.target = [...this.middle];
   }
 
@@ -60,13 +65,13 @@ export class Player {
     const low = sorted.map((values) => part(values, 0.02)), high = sorted.map((values) => part(values, 0.98));
     this.middle = low.map((value, axis) => (value + high[axis]) / 2);
     this.whole_size = Math.max(...low.map((value, axis) => high[axis] - value), 100) * 0.62;
-    this.body_size = (part(bodies.sort((a, b) => a - b), 0.5) || 1000) * 0.62;
+    this.body_size = (part(bodies.sort((a, b) => a - b), 0.5) || 1000) * 0.68;
     this.floors = sorted.map((values) => part(values, 0.002));
     this.extent = low.map((value, axis) => [value, high[axis]]);
   }
 
   async draw() {
-    const made = figure({ height: 430, x_range: range(-1, 1), y_range: range(-1, 1), min_border: 0 }, { axes: false, pan: false });
+    const made = figure({ height: HEIGHT, x_range: range(-1, 1), y_range: range(-1, 1), min_border: 0 }, { axes: false, pan: false });
     this.figure = made;
     this.floor = source({ x0: [], y0: [], x1: [], y1: [] });
     this.links = source({ x0: [], y0: [], x1: [], y1: [], alpha: [] });
@@ -132,15 +137,18 @@ export class Player {
       this.target = this.middle;
       return;
     }
-    const sums = [0, 0, 0];
-    let count = 0;
+    const least = [Infinity, Infinity, Infinity], largest = [-Infinity, -Infinity, -Infinity];
     for (let marker = 0; marker < this.samples.n_markers; marker++) {
-      const values = [0, 1, 2].map((axis) => this.samples.value(marker, axis, this.frame, true));
-      if (values.some(Number.isNaN)) continue;
-      values.forEach((value, axis) => (sums[axis] += value));
-      count++;
+      if (!this.samples.has(marker, this.frame, true)) continue;
+      for (let axis = 0; axis < 3; axis++) {
+        const value = this.samples.value(marker, axis, this.frame, true);
+        least[axis] = Math.min(least[axis], value);
+        largest[axis] = Math.max(largest[axis], value);
+      }
     }
-    if (count) this.target = sums.map((sum) => sum / count);
+    // A smooth pursuit, so that one marker that appears does not shake the picture.
+    const middle = least.map((value, axis) => (value + largest[axis]) / 2), pursuit = this.is_playing ? PURSUIT : 1;
+    if (Number.isFinite(middle[0])) this.target = middle.map((value, axis) => this.target[axis] + pursuit * (value - this.target[axis]));
   }
 
   /** Return where a point is in the picture, and its scale. @param {number} x @param {number} y @param {number} z */
@@ -164,7 +172,7 @@ export class Player {
     // Axes to the right of and away from an eye that looks along the second one; the third is up.
     this.axes = this.up === 2 ? [0, 1, 2] : this.up === 1 ? [2, 0, 1] : [1, 2, 0];
     [this.cos_yaw, this.sin_yaw, this.cos_pitch, this.sin_pitch] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
-    const width = this.chart.view.frame_view?.bbox?.width ?? 600, height = this.chart.view.frame_view?.bbox?.height ?? 430;
+    const width = this.chart.view.frame_view?.bbox?.width ?? 600, height = this.chart.view.frame_view?.bbox?.height ?? HEIGHT;
     const aspect = width / height;
     if (Math.abs(this.figure.x_range.end - aspect) > 1e-3) this.figure.x_range.setv({ start: -aspect, end: aspect });
     const places = this.#places(frame);
@@ -206,7 +214,7 @@ export class Player {
       if (this.on.labels && (!is_plain || is_chosen)) {
         names.x.push(x);
         names.y.push(y);
-        names.text.push(shortened(samples.markers[marker], LABEL) + (is_plain ? "" : ` · ${kind.name}`));
+        names.text.push(shortened(samples.names[marker], LABEL) + (is_plain ? "" : ` · ${kind.name}`));
       }
     }
     this.points.data = data;

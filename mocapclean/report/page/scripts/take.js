@@ -2,7 +2,7 @@
 
 import { Bones } from "./bones.js";
 import { Curves } from "./curves.js";
-import { chip, showLists } from "./lists.js";
+import { chip, mostUrgent, showLists } from "./lists.js";
 import { StatusMap } from "./map.js";
 import { bar } from "./overview.js";
 import { Player } from "./player.js";
@@ -40,8 +40,11 @@ export class TakeView {
     this.#controls();
     await this.map.draw();
     await this.player.draw();
-    const first = this.#places()[0] ?? { marker: 0, start: 0 };
-    await this.open(first.marker, first.start);
+    const first = mostUrgent(this.row.gaps, this.row.findings);
+    // At the start of a take a gap is seen best from its end.
+    const at = first && (first.first === this.row.first_frame ? first.last : first.first) - this.row.first_frame;
+    if (first) await this.open(Math.max(0, samples.markers.indexOf(first.marker)), at);
+    else await this.open(0, 0);
   }
 
   /** Draw the pictures again in another theme. */
@@ -111,8 +114,9 @@ export class TakeView {
     const samples = /** @type {Samples} */ (this.samples), rate = this.row.rate || this.summary.rate || 100;
     this.marker = marker;
     const span = samples.spans.find((each) => each.marker === marker && each.start <= frame && frame < each.stop);
-    const margin = Math.max(MARGIN * rate, span ? span.stop - span.start : rate);
-    const [start, stop] = span ? [span.start, span.stop] : [frame, frame];
+    const gap = span ? this.#gap(span) : null, first = this.row.first_frame;
+    const [start, stop] = gap ? [gap.first - first, gap.last + 1 - first] : span ? [span.start, span.stop] : [frame, frame];
+    const margin = Math.max(MARGIN * rate, span ? stop - start : rate);
     if (this.player) this.player.marker = marker;
     this.#describe(span ?? null);
     byId("angles-part").hidden = !samples.channels.length;
@@ -122,12 +126,18 @@ export class TakeView {
     document.dispatchEvent(new CustomEvent("opened"));
   }
 
+  /** The gap of the report that a span is in. @param {import("./series.js").Span} span */
+  #gap(span) {
+    const name = this.samples?.markers[span.marker], at = span.start + this.row.first_frame;
+    return this.row.gaps.find((/** @type {any} */ each) => each.marker === name && each.first <= at && at <= each.last) ?? null;
+  }
+
   /** Put the story of a gap into words. @param {import("./series.js").Span | null} span */
   #describe(span) {
     const samples = /** @type {Samples} */ (this.samples), { row } = this, name = samples.markers[this.marker], first = row.first_frame;
     byId("marker-name").textContent = name;
     byId("marker-name").title = name;
-    const neighbours = samples.view.neighbours[this.marker].map((/** @type {number} */ other) => shortened(samples.markers[other], 20));
+    const neighbours = samples.view.neighbours[this.marker].map((/** @type {number} */ other) => shortened(samples.names[other], 20));
     byId("neighbours").textContent = neighbours.length
       ? `Neighbours, shifted into view: ${neighbours.join(", ")} (their distance to it varies least)` : "No neighbours are known.";
     const story = byId("story");
@@ -136,15 +146,16 @@ export class TakeView {
       return;
     }
     const at = span.start + first;
-    const gap = row.gaps.find((/** @type {any} */ each) => each.marker === name && each.first <= at && at <= each.last);
+    const gap = this.#gap(span);
     const findings = row.findings.filter((/** @type {any} */ finding) => finding.marker === name && finding.first !== null &&
       finding.first <= span.stop - 1 + first && finding.last >= at && finding.rule !== "missing");
-    const place = { first: gap?.first ?? at, last: gap?.last ?? span.stop - 1 + first };
+    const place = { first: at, last: span.stop - 1 + first };
     const length = place.last - place.first + 1, seconds = (length / (row.rate || this.summary.rate || 1)).toFixed(2);
     const lines = [element("p", {}, chip(span.kind, span.kind), ` ${frames(place)} (${counted(length, "frame")}, ${seconds} s): `,
       samples.statuses[span.code].meaning ?? "")];
     if (gap) {
-      lines.push(element("p", {}, `Why: ${gap.rules.map((/** @type {string} */ rule) => RULES[rule] ?? rule).join("; ")}.`));
+      const whole = gap.first < place.first || gap.last > place.last ? ` Part of the gap of ${frames(gap)}.` : "";
+      lines.push(element("p", {}, `Why: ${gap.rules.map((/** @type {string} */ rule) => RULES[rule] ?? rule).join("; ")}.${whole}`));
       const facts = [
         gap.expected_3d !== null && `expected 3D error ${mm(gap.expected_3d)}${gap.grade ? ` (${gap.grade})` : ""}`,
         gap.samples_replaced && `${counted(gap.samples_replaced, "measured sample")} replaced, by up to ${mm(gap.largest_move, 1)}`,
@@ -212,7 +223,7 @@ export class TakeView {
       byId(name).onchange = () => ((player.on[name] = byId(name).checked), player.render());
     }
     byId("follow").onchange = () => player.follow(byId("follow").checked);
-    if (byId("follow").checked) player.follow(true);
+    byId("follow").checked = player.on.follow;
     byId("look").onchange = () => player.look(byId("look").value);
     byId("up").value = String(player.up);
     byId("up").onchange = () => ((player.up = Number(byId("up").value)), player.render());
