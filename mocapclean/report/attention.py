@@ -41,7 +41,7 @@ def attention(row: Row) -> Attention:
 def _reasons(row: Row) -> Iterator[tuple[float, str]]:
     """Yield the points and the sentence of everything about a take that a person may have to look at."""
     if row.get("status") in ("failed", "skipped"):
-        yield _FAILED, str(row["error"])
+        yield _FAILED, str(row["error"]).removeprefix(str(row["source"])).lstrip(":, ")
         return
     for breach in row.get("breaches", ()):
         yield _BREACH, str(breach["message"])

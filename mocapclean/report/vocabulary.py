@@ -27,7 +27,9 @@ KINDS = (
     Kind("moved", "#009e73", "triangle", "", 1),
     Kind("suspicious", "#cc79a7", "hex", "dot", 3),
     Kind("replaced", "#e69f00", "square", "right_diagonal_line", 4),
-    Kind("left", "#d55e00", "x", "cross", 5),
+    Kind("missing", "#3f4a56", "x", "", 5),
+    Kind("distrusted", "#d55e00", "inverted_triangle", "right_diagonal_line", 6),
+    Kind("left", "#d55e00", "x", "cross", 7),
 )
 
 _KIND_OF = {
@@ -36,6 +38,8 @@ _KIND_OF = {
     Status.REPLACED: "replaced",
     Status.MOVED: "moved",
     Status.SUSPICIOUS: "suspicious",
+    Status.MISSING: "missing",
+    Status.DISTRUSTED: "distrusted",
 }
 
 

@@ -128,7 +128,7 @@ def _summary(take: PageTake) -> dict[str, Any]:
     source = Path(row["source"])
     check = (((row.get("self_check") or {}).get("total") or {}).get("error") or {}).get("rmse_3d")
     bones = (row.get("bones") or {}).get("skeleton_rmse") or {}
-    expected = [gap["expected_3d"] for gap in row.get("gaps", ()) if gap["expected_3d"] is not None]
+    expected = [gap["expected_3d"] for gap in row.get("gaps", ()) if gap["expected_3d"] is not None and gap["samples_filled"]]
     return {
         "key": take.data.stem if take.data else None,
         "name": source.name,
@@ -160,6 +160,7 @@ def _shares(row: Mapping[str, Any], counts: Mapping[str, int]) -> dict[str, int]
     for gap in row["gaps"]:
         if gap["grade"]:
             grades[gap["grade"]] += gap["samples_filled"] - gap["samples_replaced"]
+    was_filled = bool(row.get("method"))
     supplied = counts["filled"] + counts["left"] + counts["moved"] + counts["suspicious"]
     return {
         "measured": counts["samples"] - supplied,
@@ -168,5 +169,7 @@ def _shares(row: Mapping[str, Any], counts: Mapping[str, int]) -> dict[str, int]
         "replaced": counts["replaced"],
         "moved": counts["moved"],
         "suspicious": counts["suspicious"],
-        "left": counts["left"],
+        "missing": 0 if was_filled else counts["missing"],
+        "distrusted": 0 if was_filled else counts["left"] - counts["missing"],
+        "left": counts["left"] if was_filled else 0,
     }

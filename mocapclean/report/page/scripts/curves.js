@@ -1,6 +1,6 @@
 // The curves of one marker around a gap: X, Y and Z, or the angles of a joint, before and after, with the 90 % band.
 
-import { colour, draw, fields, figure, library, onRange, range, source, zoom } from "./charts.js";
+import { colour, fields, figure, library, onRange, range, source, zoom } from "./charts.js";
 import { decimated } from "./series.js";
 import { byId, element } from "./text.js";
 

@@ -9,7 +9,8 @@ const NAME = 28; // most characters of a name in a table
 
 /** Return the tables of a take by the names of their tabs. @param {any} row @param {(marker: string | null, first: number | null) => void} go */
 function tables(row, go) {
-  const kinds = (/** @type {any} */ gap) => gap.samples_replaced ? "replaced" : gap.samples_filled ? "filled" : "left";
+  const kinds = (/** @type {any} */ gap) => gap.samples_replaced ? "replaced" : gap.samples_filled ? "filled"
+    : ["missing", "distrusted"].includes(gap.status) ? gap.status : "left";
   const gaps = [...row.gaps].sort((a, b) => urgency(b) - urgency(a));
   return /** @type {Record<string, Table>} */ ({
     Gaps: {

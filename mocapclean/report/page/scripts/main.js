@@ -39,7 +39,7 @@ async function start() {
   const page = (await unpack(byId("overview-data").textContent.trim())).header;
   /** @type {TakeView | null} */
   let view = null;
-  let shown = -1;
+  let shown = NaN;
   const is_single = page.takes.length === 1 && page.takes[0].key;
   const overview = new Overview(page, (index) => (location.hash = `#${index + 1}`));
   global.mocapclean = { overview, view: () => view, page };

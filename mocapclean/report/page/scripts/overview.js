@@ -5,7 +5,7 @@ import { byId, counted, element, grouped, mm } from "./text.js";
 const STEP = 300; // takes that are added at a time
 
 /** The parts of a take's bar in their order, with the name of their style. */
-const PARTS = ["left", "replaced", "suspicious", "poor", "fair", "good", "filled", "moved", "measured"];
+const PARTS = ["left", "missing", "distrusted", "replaced", "suspicious", "poor", "fair", "good", "filled", "moved", "measured"];
 
 /** @typedef {any} TakeSummary */
 
@@ -13,7 +13,7 @@ const PARTS = ["left", "replaced", "suspicious", "poor", "fair", "good", "filled
 const ORDERS = {
   attention: (take) => -take.points,
   name: (take) => `${take.folder}/${take.name}`.toLowerCase(),
-  left: (take) => -(take.shares.left ?? 0),
+  left: (take) => -["left", "missing", "distrusted"].reduce((sum, part) => sum + (take.shares[part] ?? 0), 0),
   gaps: (take) => -take.gaps,
   expected: (take) => -(take.expected ?? -1),
   check: (take) => -(take.check ?? -1),
@@ -21,7 +21,7 @@ const ORDERS = {
   length: (take) => -take.frames / (take.rate || 1),
 };
 const COLUMNS = [
-  ["attention", "Needs a person"], ["name", "Take"], ["left", "Samples"], ["gaps", "Gaps"], ["expected", "Worst expected"],
+  ["attention", "Needs a person"], ["name", "Take"], ["left", "Samples"], ["gaps", "Gaps"], ["expected", "Worst expected error"],
   ["check", "Self-check"], ["bones", "Bones before → after"], ["length", "Length"],
 ];
 

@@ -8,6 +8,8 @@ const TRAIL = 0.5; // seconds of path behind and ahead of a marker
 const MOST_TRAILS = 24; // markers with a path at the same time
 const LABEL = 20; // most characters of a name beside a marker
 const FLOOR_STEP = 500; // mm between the lines of the floor
+const MEASURED = 150; // most frames from which the size of the motion is taken
+const MARGIN = 0.66; // half of the picture over the size of what is in it
 const PURSUIT = 0.2; // part of the way to the middle of the body that the camera goes in a picture
 const FAR = 1.4; // how many times its own size a body may move without being followed
 const SIGHT = 3; // distance of the eye in half widths of the picture: a mild perspective
@@ -29,63 +31,41 @@ export class Player {
     this.speed = 1;
     this.drawn = 0;
     this.on = { links: true, trails: true, labels: true, follow: false };
-    [this.yaw, this.pitch] = VIEWS.corner;
+    this.yaw = VIEWS.corner[0];
+    this.pitch = VIEWS.corner[1];
+    this.turned = { cos_yaw: 1, sin_yaw: 0, cos_pitch: 1, sin_pitch: 0 };
+    this.axes = [0, 1, 2];
     this.up = samples.view.up;
     this.place = /** @type {HTMLElement} */ (byId("player"));
-    this.#measure();
+    this.extent = measured(samples);
     // A body that walks far is small in a picture of its whole way.
-    this.on.follow = this.whole_size > FAR * this.body_size;
-    this.size = this.on.follow ? this.body_size : this.whole_size;
-    this.target = [...this.middle];
-  }
-
-  /** Find the middle and the size of the motion, from the 2nd to the 98th percentile, and the height of the floor. */
-  #measure() {
-    const { samples } = this, step = Math.max(1, Math.floor(samples.n_frames / 150));
-    /** @type {number[][]} */
-    const found = [[], [], []];
-    /** @type {number[]} */
-    const bodies = [];
-    for (let frame = 0; frame < samples.n_frames; frame += step) {
-      const least = [Infinity, Infinity, Infinity], largest = [-Infinity, -Infinity, -Infinity];
-      for (let marker = 0; marker < samples.n_markers; marker++) {
-        for (let axis = 0; axis < 3; axis++) {
-          const value = samples.value(marker, axis, frame, true);
-          if (Number.isNaN(value)) continue;
-          found[axis].push(value);
-          least[axis] = Math.min(least[axis], value);
-          largest[axis] = Math.max(largest[axis], value);
-        }
-      }
-      const body = Math.max(...least.map((value, axis) => largest[axis] - value));
-      if (Number.isFinite(body)) bodies.push(body);
-    }
-    const sorted = found.map((values) => values.sort((a, b) => a - b));
-    const part = (/** @type {number[]} */ values, /** @type {number} */ share) => values[Math.floor(share * (values.length - 1))] ?? 0;
-    const low = sorted.map((values) => part(values, 0.02)), high = sorted.map((values) => part(values, 0.98));
-    this.middle = low.map((value, axis) => (value + high[axis]) / 2);
-    this.whole_size = Math.max(...low.map((value, axis) => high[axis] - value), 100) * 0.62;
-    this.body_size = (part(bodies.sort((a, b) => a - b), 0.5) || 1000) * 0.68;
-    this.floors = sorted.map((values) => part(values, 0.002));
-    this.extent = low.map((value, axis) => [value, high[axis]]);
+    this.on.follow = this.extent.whole > FAR * this.extent.body;
+    this.size = this.on.follow ? this.extent.body : this.extent.whole;
+    this.target = [...this.extent.middle];
+    this.seen = "";
+    /** @type {import("./charts.js").Chart | null} */
+    this.chart = null;
+    this.sources = {
+      floor: source({ x0: [], y0: [], x1: [], y1: [] }),
+      links: source({ x0: [], y0: [], x1: [], y1: [], alpha: [] }),
+      trails: source({ xs: [], ys: [], color: [] }),
+      points: source({ x: [], y: [], size: [], color: [], shape: [], alpha: [], edge: [] }),
+      names: source({ x: [], y: [], text: [] }),
+    };
   }
 
   async draw() {
     const made = figure({ height: HEIGHT, x_range: range(-1, 1), y_range: range(-1, 1), min_border: 0 }, { axes: false, pan: false });
-    this.figure = made;
-    this.floor = source({ x0: [], y0: [], x1: [], y1: [] });
-    this.links = source({ x0: [], y0: [], x1: [], y1: [], alpha: [] });
-    this.trails = source({ xs: [], ys: [], color: [] });
-    this.points = source({ x: [], y: [], size: [], color: [], shape: [], alpha: [], edge: [] });
-    this.names = source({ x: [], y: [], text: [] });
+    this.seen = "";
+    for (const part of Object.values(this.sources)) part.data = Object.fromEntries(Object.keys(part.data).map((name) => [name, []]));
     const ends = fields("x0", "y0", "x1", "y1");
-    made.segment({ ...ends, line_color: colour("line"), line_width: 1, source: this.floor });
-    made.segment({ ...ends, line_color: colour("quiet"), line_width: 2, line_alpha: { field: "alpha" }, source: this.links });
-    made.multi_line({ ...fields("xs", "ys"), line_color: { field: "color" }, line_width: 1.5, line_alpha: 0.7, source: this.trails });
+    made.segment({ ...ends, line_color: colour("line"), line_width: 1, source: this.sources.floor });
+    made.segment({ ...ends, line_color: colour("quiet"), line_width: 2, line_alpha: { field: "alpha" }, source: this.sources.links });
+    made.multi_line({ ...fields("xs", "ys"), line_color: { field: "color" }, line_width: 1.5, line_alpha: 0.7, source: this.sources.trails });
     made.scatter({ ...fields("x", "y", "size"), fill_color: { field: "color" }, line_color: { field: "edge" }, marker: { field: "shape" },
-      fill_alpha: { field: "alpha" }, line_width: 1.2, source: this.points });
+      fill_alpha: { field: "alpha" }, line_width: 1.2, source: this.sources.points });
     made.text({ ...fields("x", "y", "text"), x_offset: 8, y_offset: -6, text_color: colour("ink"), text_font_size: "11px",
-      text_font: "system-ui, sans-serif", source: this.names });
+      text_font: "system-ui, sans-serif", source: this.sources.names });
     this.chart = await draw(made, this.place);
     this.#gestures();
     this.render();
@@ -120,21 +100,22 @@ export class Player {
 
   /** See from a named direction. @param {string} name */
   look(name) {
-    [this.yaw, this.pitch] = VIEWS[name];
+    this.yaw = VIEWS[name][0];
+    this.pitch = VIEWS[name][1];
     this.render();
   }
 
   /** Follow the body, or see the whole way. @param {boolean} on */
   follow(on) {
     this.on.follow = on;
-    this.size = on ? this.body_size : this.whole_size;
+    this.size = on ? this.extent.body : this.extent.whole;
     this.render();
   }
 
   /** Aim at the middle of the markers, or at the middle of the whole way. */
   #aim() {
     if (!this.on.follow) {
-      this.target = this.middle;
+      this.target = this.extent.middle;
       return;
     }
     const least = [Infinity, Infinity, Infinity], largest = [-Infinity, -Infinity, -Infinity];
@@ -153,12 +134,13 @@ export class Player {
 
   /** Return where a point is in the picture, and its scale. @param {number} x @param {number} y @param {number} z */
   project(x, y, z) {
-    const [right, forward, up] = this.axes, point = [x - this.target[0], y - this.target[1], z - this.target[2]];
+    const [right, forward, up] = this.axes, { cos_yaw, sin_yaw, cos_pitch, sin_pitch } = this.turned;
+    const point = [x - this.target[0], y - this.target[1], z - this.target[2]];
     // Turn about the vertical, then tilt: the picture's axes are to the right, up, and away from the eye.
-    const a = point[right] * this.cos_yaw - point[forward] * this.sin_yaw;
-    const depth = point[right] * this.sin_yaw + point[forward] * this.cos_yaw;
-    const b = point[up] * this.cos_pitch + depth * this.sin_pitch;
-    const away = depth * this.cos_pitch - point[up] * this.sin_pitch;
+    const a = point[right] * cos_yaw - point[forward] * sin_yaw;
+    const depth = point[right] * sin_yaw + point[forward] * cos_yaw;
+    const b = point[up] * cos_pitch + depth * sin_pitch;
+    const away = depth * cos_pitch - point[up] * sin_pitch;
     const scale = 1 / (this.size * Math.max(0.2, 1 + away / (SIGHT * this.size)));
     return [a * scale, b * scale, scale * this.size];
   }
@@ -166,19 +148,19 @@ export class Player {
   /** Draw the current frame. */
   render() {
     if (!this.chart) return;
-    const { samples, frame } = this;
+    const { frame } = this;
     this.drawn++;
     this.#aim();
     // Axes to the right of and away from an eye that looks along the second one; the third is up.
     this.axes = this.up === 2 ? [0, 1, 2] : this.up === 1 ? [2, 0, 1] : [1, 2, 0];
-    [this.cos_yaw, this.sin_yaw, this.cos_pitch, this.sin_pitch] = [Math.cos(this.yaw), Math.sin(this.yaw), Math.cos(this.pitch), Math.sin(this.pitch)];
+    this.turned = { cos_yaw: Math.cos(this.yaw), sin_yaw: Math.sin(this.yaw), cos_pitch: Math.cos(this.pitch), sin_pitch: Math.sin(this.pitch) };
     const width = this.chart.view.frame_view?.bbox?.width ?? 600, height = this.chart.view.frame_view?.bbox?.height ?? HEIGHT;
     const aspect = width / height;
-    if (Math.abs(this.figure.x_range.end - aspect) > 1e-3) this.figure.x_range.setv({ start: -aspect, end: aspect });
+    if (Math.abs(this.chart.figure.x_range.end - aspect) > 1e-3) this.chart.figure.x_range.setv({ start: -aspect, end: aspect });
     const places = this.#places(frame);
     this.#points(places);
     this.#links(places);
-    if (this.on.trails || this.trails.data.xs.length) this.#trails();
+    if (this.on.trails || this.sources.trails.data.xs.length) this.#trails();
     this.#floor();
   }
 
@@ -199,7 +181,9 @@ export class Player {
     const order = places.map((_, marker) => marker).filter((marker) => places[marker]);
     order.sort((a, b) => /** @type {any} */ (places[a])[2] - /** @type {any} */ (places[b])[2]);
     /** @type {Record<string, any[]>} */
-    const data = { x: [], y: [], size: [], color: [], shape: [], alpha: [], edge: [] }, names = { x: [], y: [], text: [] };
+    const data = { x: [], y: [], size: [], color: [], shape: [], alpha: [], edge: [] };
+    /** @type {{x: number[], y: number[], text: string[]}} */
+    const names = { x: [], y: [], text: [] };
     for (const marker of order) {
       const [x, y, scale] = /** @type {[number, number, number]} */ (places[marker]);
       const kind = /** @type {any} */ (this.kinds.get(samples.kind(marker, frame)));
@@ -217,8 +201,8 @@ export class Player {
         names.text.push(shortened(samples.names[marker], LABEL) + (is_plain ? "" : ` · ${kind.name}`));
       }
     }
-    this.points.data = data;
-    this.names.data = names;
+    this.sources.points.data = data;
+    this.sources.names.data = names;
   }
 
   /** @param {([number, number, number] | null)[]} places */
@@ -236,7 +220,7 @@ export class Player {
         data.alpha.push(Math.min(0.9, Math.max(0.25, (from[2] + to[2]) / 2 - 0.25)));
       }
     }
-    this.links.data = data;
+    this.sources.links.data = data;
   }
 
   /** The paths of the chosen marker and of those that are not measured now. */
@@ -261,7 +245,7 @@ export class Player {
         data.color.push(/** @type {any} */ (this.kinds.get(kind)).colour);
       }
     }
-    this.trails.data = data;
+    this.sources.trails.data = data;
   }
 
   /** The lines of the floor, drawn anew when the camera has moved. */
@@ -269,11 +253,11 @@ export class Player {
     const seen = [this.yaw, this.pitch, this.size, this.up, ...this.target].join();
     if (seen === this.seen) return;
     this.seen = seen;
-    const [right, forward] = this.axes, level = this.floors[this.up];
+    const [right, forward] = this.axes, level = this.extent.low[this.up];
     /** @type {Record<string, number[]>} */
     const data = { x0: [], y0: [], x1: [], y1: [] };
-    const step = FLOOR_STEP * Math.max(1, Math.round(this.whole_size / 4000));
-    const bounds = [right, forward].map((axis) => [Math.floor(this.extent[axis][0] / step - 1) * step, Math.ceil(this.extent[axis][1] / step + 1) * step]);
+    const step = FLOOR_STEP * Math.max(1, Math.round(this.extent.whole / 4000));
+    const bounds = [right, forward].map((axis) => [Math.floor(this.extent.from[axis] / step - 1) * step, Math.ceil(this.extent.to[axis] / step + 1) * step]);
     const add = (/** @type {number} */ from_right, /** @type {number} */ from_forward, /** @type {number} */ to_right, /** @type {number} */ to_forward) => {
       const from = [0, 0, 0], to = [0, 0, 0];
       [from[right], from[forward], from[this.up], to[right], to[forward], to[this.up]] = [from_right, from_forward, level, to_right, to_forward, level];
@@ -285,7 +269,7 @@ export class Player {
     };
     for (let at = bounds[0][0]; at <= bounds[0][1]; at += step) add(at, bounds[1][0], at, bounds[1][1]);
     for (let at = bounds[1][0]; at <= bounds[1][1]; at += step) add(bounds[0][0], at, bounds[0][1], at);
-    this.floor.data = data;
+    this.sources.floor.data = data;
   }
 
   /** Show a frame. @param {number} frame */
@@ -318,6 +302,38 @@ export class Player {
     };
     requestAnimationFrame(step);
   }
+}
+
+/** Return the middle and the half size of the motion and of a body, mm, and where the motion and the floor are.
+ * @param {Samples} samples */
+function measured(samples) {
+  const step = Math.max(1, Math.floor(samples.n_frames / MEASURED));
+  /** @type {number[][]} */
+  const found = [[], [], []];
+  /** @type {number[]} */
+  const bodies = [];
+  for (let frame = 0; frame < samples.n_frames; frame += step) {
+    const least = [Infinity, Infinity, Infinity], largest = [-Infinity, -Infinity, -Infinity];
+    for (let marker = 0; marker < samples.n_markers; marker++) {
+      if (!samples.has(marker, frame, true)) continue;
+      for (let axis = 0; axis < 3; axis++) {
+        const value = samples.value(marker, axis, frame, true);
+        found[axis].push(value);
+        least[axis] = Math.min(least[axis], value);
+        largest[axis] = Math.max(largest[axis], value);
+      }
+    }
+    const body = Math.max(...least.map((value, axis) => largest[axis] - value));
+    if (Number.isFinite(body)) bodies.push(body);
+  }
+  for (const values of [...found, bodies]) values.sort((a, b) => a - b);
+  const part = (/** @type {number[]} */ values, /** @type {number} */ share) => values[Math.floor(share * (values.length - 1))] ?? 0;
+  // Single samples that are far off would make the rest small.
+  const from = found.map((values) => part(values, 0.02)), to = found.map((values) => part(values, 0.98));
+  return {
+    middle: from.map((value, axis) => (value + to[axis]) / 2), from, to, low: found.map((values) => part(values, 0.002)),
+    whole: MARGIN * Math.max(100, ...from.map((value, axis) => to[axis] - value)), body: MARGIN * (part(bodies, 0.5) || 1000),
+  };
 }
 
 /** @type {Map<string, string>} */

@@ -7,7 +7,7 @@ const IN_FILE = 1, IN_OUTPUT = 2;
 
 /** The arrays of one take. */
 export class Samples {
-  /** @param {Packed} packed @param {{kind: string, code: string}[]} statuses */
+  /** @param {Packed} packed @param {{kind: string, code: string, meaning: string}[]} statuses */
   constructor(packed, statuses) {
     const view = packed.header.view;
     this.view = view;

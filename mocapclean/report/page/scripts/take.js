@@ -152,7 +152,7 @@ export class TakeView {
     const place = { first: at, last: span.stop - 1 + first };
     const length = place.last - place.first + 1, seconds = (length / (row.rate || this.summary.rate || 1)).toFixed(2);
     const lines = [element("p", {}, chip(span.kind, span.kind), ` ${frames(place)} (${counted(length, "frame")}, ${seconds} s): `,
-      samples.statuses[span.code].meaning ?? "")];
+      samples.statuses[span.code].meaning)];
     if (gap) {
       const whole = gap.first < place.first || gap.last > place.last ? ` Part of the gap of ${frames(gap)}.` : "";
       lines.push(element("p", {}, `Why: ${gap.rules.map((/** @type {string} */ rule) => RULES[rule] ?? rule).join("; ")}.${whole}`));
