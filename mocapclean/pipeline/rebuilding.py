@@ -32,7 +32,7 @@ def rebuilt_view(
     whole = _read(source, config)
     columns = _columns(whole, row, config)
     before = _judged(whole.select(columns), row)
-    written = _read(output, config) if output else whole
+    written = _read(output, config, beside=source) if output else whole
     if len(written.trusted) != len(whole.trusted) or written.markers != whole.markers:
         raise UsageError(f"{output}: the output must have the frames and markers of {source}. It has others.")
     after = written.select(columns)
@@ -43,13 +43,15 @@ def rebuilt_view(
     return view(whole, before, written, after, codes, sd, invalidated=bool(config.get("invalidate")))
 
 
-def _read(path: Path, config: Mapping[str, Any]) -> Take:
-    """Return a take, read with the options of the report's configuration."""
+def _read(path: Path, config: Mapping[str, Any], beside: Path | None = None) -> Take:
+    """Return a take, read with the options of the report's configuration.
+
+    beside: the file by which a skeleton in a file of its own lies, where that is not ``path``.
+    """
     unit = config.get("unit")
     options: dict[str, Any] = {"rate": config.get("rate"), "unit": MILLIMETRES.get(unit, unit)}
-    skeleton = config.get("skeleton")
-    if formats.needs_skeleton(path) and skeleton:
-        options["skeleton"] = skeleton
+    if formats.needs_skeleton(path):
+        options["skeleton"] = config.get("skeleton") or formats.companion(beside or path)
     take = formats.read(path, **options)
     others = [name for name in config.get("markers", ()) if name not in take.markers]
     if others and formats.lists_points(path):

@@ -12,6 +12,7 @@ LEVELS = (FIRST, SECOND, NONE)
 """How much a take needs a person, the most first."""
 
 _SENTENCES = 3  # most reasons of a take in words; chosen by hand, so that they are read
+_NAME = 40  # most characters of a name in a reason; chosen by hand
 # Points of one reason; only their order counts. Chosen by hand: what is not known comes before what may be wrong.
 _FAILED, _BREACH, _ERROR, _LEFT, _INEXACT = 1e6, 1e5, 5e4, 1e4, 5e3
 _REPLACED, _SUSPICIOUS, _BONES, _FAIR, _WARNING = 100.0, 50.0, 50.0, 10.0, 5.0
@@ -112,6 +113,7 @@ def _of_bones(row: Row) -> Iterator[tuple[float, str]]:
 def _place(place: Row) -> str:
     """Return the marker and the frames of a gap or a finding."""
     marker = str(place["marker"])
+    marker = marker if len(marker) <= _NAME else f"{marker[: _NAME - 1]}…"
     if place["first"] is None:
         return marker
     frames = f"{place['first']}-{place['last']}" if place["last"] != place["first"] else f"{place['first']}"

@@ -47,16 +47,31 @@ export function figure(options, { axes = true, pan = true } = {}) {
   return made;
 }
 
+/** What is drawn in an element. @type {WeakMap<HTMLElement, any>} */
+const drawn = new WeakMap();
+
+/** Draw a model of the library into an element, in place of what it held. @param {any} model @param {HTMLElement} place */
+export async function put(model, place) {
+  const earlier = drawn.get(place);
+  if (earlier) {
+    const { documents } = library(), at = documents.indexOf(earlier.model.document);
+    if (at >= 0) documents.splice(at, 1);
+    earlier.remove();
+  }
+  const host = element("div");
+  place.replaceChildren(host);
+  const view = await library().Plotting.show(model, host);
+  drawn.set(place, view);
+  return view;
+}
+
 /**
  * Draw a figure into an element, in place of what it held.
  * @param {any} figure @param {HTMLElement} place
  * @returns {Promise<Chart>}
  */
 export async function draw(figure, place) {
-  place.replaceChildren();
-  const host = element("div");
-  place.append(host);
-  const view = await library().Plotting.show(figure, host);
+  const view = await put(figure, place);
   const scale = () => view.frame.x_scale;
   return {
     figure,

@@ -1,6 +1,6 @@
 // The curves of one marker around a gap: X, Y and Z, or the angles of a joint, before and after, with the 90 % band.
 
-import { colour, fields, figure, library, onRange, range, source, zoom } from "./charts.js";
+import { colour, fields, figure, library, onRange, put, range, source, zoom } from "./charts.js";
 import { decimated } from "./series.js";
 import { byId, element } from "./text.js";
 
@@ -65,14 +65,12 @@ export class Curves {
     const curves = this.curves();
     this.charts = curves.map((curve, number) => this.#chart(curve, number === curves.length - 1));
     const column = new B.Column({ children: this.charts.map((chart) => chart.figure), sizing_mode: "stretch_width", spacing: 2 });
-    this.place.replaceChildren();
     if (!curves.length) {
-      this.place.append(element("p", {}, "This joint has no channels of its own."));
+      this.place.replaceChildren(element("p", {}, "This joint has no channels of its own."));
       return;
     }
-    const host = element("div");
-    this.place.append(host, this.line);
-    const view = await B.Plotting.show(column, host);
+    const view = await put(column, this.place);
+    this.place.append(this.line);
     this.views = view.child_views ?? view._child_views ?? [];
     if (this.views.values) this.views = [...this.views.values()];
     onRange(this.x, () => this.update());

@@ -45,7 +45,12 @@ export class Player {
     this.seen = "";
     /** @type {import("./charts.js").Chart | null} */
     this.chart = null;
-    this.sources = {
+    this.sources = this.#new();
+  }
+
+  /** New sources of what is drawn. */
+  #new() {
+    return {
       floor: source({ x0: [], y0: [], x1: [], y1: [] }),
       links: source({ x0: [], y0: [], x1: [], y1: [], alpha: [] }),
       trails: source({ xs: [], ys: [], color: [] }),
@@ -57,7 +62,7 @@ export class Player {
   async draw() {
     const made = figure({ height: HEIGHT, x_range: range(-1, 1), y_range: range(-1, 1), min_border: 0 }, { axes: false, pan: false });
     this.seen = "";
-    for (const part of Object.values(this.sources)) part.data = Object.fromEntries(Object.keys(part.data).map((name) => [name, []]));
+    this.sources = this.#new();
     const ends = fields("x0", "y0", "x1", "y1");
     made.segment({ ...ends, line_color: colour("line"), line_width: 1, source: this.sources.floor });
     made.segment({ ...ends, line_color: colour("quiet"), line_width: 2, line_alpha: { field: "alpha" }, source: this.sources.links });
