@@ -24,6 +24,13 @@ export class Bones {
     this.list.replaceChildren(...this.order.map((i) => element("option", { value: String(i) }, this.#label(i))));
     this.list.onchange = () => this.draw(Number(this.list.value));
     this.line = element("div", { className: "playhead" });
+    this.frame = 0;
+    this.bone = this.links[0];
+    this.x = range(0, 1);
+    this.y = range(0, 1);
+    this.parts = { before: source({}), after: source({}), reference: source({}) };
+    /** @type {import("./charts.js").Chart | null} */
+    this.chart = null;
   }
 
   /** @param {number} i */
@@ -38,10 +45,9 @@ export class Bones {
     return `${shortened(names[a], NAME)} – ${shortened(names[b], NAME)}${worst}`;
   }
 
-  /** Show the bone of a marker that deviates most. @param {number} marker */
+  /** Show the bone of a marker that deviates most, or else the one that does so of all. @param {number} marker */
   of(marker) {
-    const found = this.order.find((i) => this.links[i][0] === marker || this.links[i][1] === marker);
-    if (found !== undefined) this.draw(found);
+    return this.draw(this.order.find((i) => this.links[i][0] === marker || this.links[i][1] === marker) ?? this.order[0]);
   }
 
   /** @param {number} i */
@@ -50,31 +56,41 @@ export class Bones {
       this.place.replaceChildren(element("p", {}, "No bones are known, and no pair of markers is rigid in this take."));
       return;
     }
-    const { samples } = this, first = samples.row.first_frame, [a, b, reference] = this.links[i];
     this.list.value = String(i);
-    const x = range(first, first + samples.n_frames - 1, [first, first + samples.n_frames - 1]), y = range(reference - 1, reference + 1);
-    const made = figure({ x_range: x, y_range: y, height: 190, x_axis_label: "frame", y_axis_label: "length, mm", min_border_left: 64, min_border_right: 12 });
-    const before = source({ x: [], y: [] }), after = source({ x: [], y: [] });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.replaced.colour, line_width: 3, line_alpha: 0.8, source: before });
-    made.line({ ...fields("x", "y"), line_color: this.kinds.filled.colour, line_width: 1.4, source: after });
-    made.segment({ x0: first, x1: first + samples.n_frames, y0: reference, y1: reference, line_color: colour("ink"), line_dash: "2 4" });
-    const update = () => {
-      const start = Math.max(0, Math.floor(x.start - first)), stop = Math.min(samples.n_frames, Math.ceil(x.end - first) + 1);
-      let [least, largest] = [reference, reference];
-      for (const [part, is_after] of /** @type {[any, boolean][]} */ ([[before, false], [after, true]])) {
-        const found = decimated((frame) => samples.distance(a, b, frame, is_after), start, stop, this.place.clientWidth - 80);
-        part.data = { x: found.x.map((frame) => frame + first), y: found.y };
-        for (const value of found.y) if (!Number.isNaN(value)) [least, largest] = [Math.min(least, value), Math.max(largest, value)];
-      }
-      const half = Math.max(1, (largest - least) / 2 * 1.1);
-      y.setv({ start: (least + largest) / 2 - half, end: (least + largest) / 2 + half });
-    };
+    this.bone = this.links[i];
+    if (!this.chart) await this.#build();
+    this.update();
+    this.show(this.frame);
+  }
+
+  async #build() {
+    const { samples } = this, first = samples.row.first_frame, last = first + samples.n_frames - 1;
+    this.x = range(first, last, [first, last]);
+    this.y = range(0, 1);
+    this.parts = { before: source({ x: [], y: [] }), after: source({ x: [], y: [] }), reference: source({ x0: [], x1: [], y: [] }) };
+    const made = figure({ x_range: this.x, y_range: this.y, height: 190, x_axis_label: "frame", y_axis_label: "length, mm", min_border_left: 64,
+      min_border_right: 12 });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.replaced.colour, line_width: 3, line_alpha: 0.8, source: this.parts.before });
+    made.line({ ...fields("x", "y"), line_color: this.kinds.filled.colour, line_width: 1.4, source: this.parts.after });
+    made.segment({ ...fields("x0", "x1"), y0: { field: "y" }, y1: { field: "y" }, line_color: colour("ink"), line_dash: "2 4", source: this.parts.reference });
     this.chart = await draw(made, this.place);
     this.place.append(this.line);
-    this.x = x;
-    onRange(x, update);
-    update();
-    this.show(this.frame ?? 0);
+    onRange(this.x, () => this.update());
+  }
+
+  /** Draw what is in view. */
+  update() {
+    const { samples } = this, first = samples.row.first_frame, [a, b, reference] = this.bone;
+    const start = Math.max(0, Math.floor(this.x.start - first)), stop = Math.min(samples.n_frames, Math.ceil(this.x.end - first) + 1);
+    let [least, largest] = [reference, reference];
+    for (const [part, is_after] of /** @type {[any, boolean][]} */ ([[this.parts.before, false], [this.parts.after, true]])) {
+      const found = decimated((frame) => samples.distance(a, b, frame, is_after), start, stop, this.place.clientWidth - 80);
+      part.data = { x: found.x.map((frame) => frame + first), y: found.y };
+      for (const value of found.y) if (!Number.isNaN(value)) [least, largest] = [Math.min(least, value), Math.max(largest, value)];
+    }
+    this.parts.reference.data = { x0: [first], x1: [first + samples.n_frames], y: [reference] };
+    const half = Math.max(1, (largest - least) / 2 * 1.1);
+    this.y.setv({ start: (least + largest) / 2 - half, end: (least + largest) / 2 + half });
   }
 
   /** Move the line of the current frame. @param {number} frame */

@@ -54,9 +54,10 @@ const drawn = new WeakMap();
 export async function put(model, place) {
   const earlier = drawn.get(place);
   if (earlier) {
-    const { documents } = library(), at = documents.indexOf(earlier.model.document);
+    const owner = earlier.model.document, { documents } = library(), at = documents.indexOf(owner);
     if (at >= 0) documents.splice(at, 1);
-    earlier.remove();
+    owner?.views_manager?.clear();
+    owner?.clear();
   }
   const host = element("div");
   place.replaceChildren(host);

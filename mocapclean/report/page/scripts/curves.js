@@ -11,7 +11,7 @@ const HEIGHT = 128; // pixels of a curve's frame
 
 /** @typedef {import("./series.js").Samples} Samples */
 /** @typedef {{label: string, unit: string, before: (frame: number) => number, after: (frame: number) => number,
- *  bar: (frame: number) => number, neighbours: ((frame: number) => number)[]}} Curve */
+ *  bar: (frame: number) => number, neighbours: () => ((frame: number) => number)[]}} Curve */
 
 /** The curves of one marker. */
 export class Curves {
@@ -22,6 +22,8 @@ export class Curves {
     this.hover = hover;
     this.marker = 0;
     this.frame = 0;
+    this.built = "";
+    this.x = range(0, 1);
     this.angles = false;
     this.neighbours = true;
     this.place = /** @type {HTMLElement} */ (byId("curves"));
@@ -39,28 +41,45 @@ export class Curves {
 
   /** @returns {Curve[]} */
   curves() {
-    const { samples, marker } = this;
+    const { samples } = this;
     if (this.angles) {
       return this.channels().map((/** @type {any} */ channel) => ({
-        label: `${channel.axis} ${channel.unit === "mm" ? "shift" : "angle"}`, unit: channel.unit, bar: () => NaN, neighbours: [],
+        label: `${channel.axis} ${channel.unit === "mm" ? "shift" : "angle"}`, unit: channel.unit, bar: () => NaN, neighbours: () => [],
         before: (/** @type {number} */ frame) => samples.angle(channel.i, frame, false),
         after: (/** @type {number} */ frame) => samples.angle(channel.i, frame, true),
       }));
     }
     return AXES.map((label, axis) => ({
       label, unit: "mm",
-      before: (frame) => samples.value(marker, axis, frame, false),
-      after: (frame) => samples.value(marker, axis, frame, true),
-      bar: (frame) => samples.sd ? samples.sd[marker * samples.n_frames + frame] : NaN,
-      neighbours: this.neighbours ? samples.view.neighbours[marker].map((/** @type {number} */ other) =>
+      before: (frame) => samples.value(this.marker, axis, frame, false),
+      after: (frame) => samples.value(this.marker, axis, frame, true),
+      bar: (frame) => samples.sd ? samples.sd[this.marker * samples.n_frames + frame] : NaN,
+      neighbours: () => this.neighbours ? samples.view.neighbours[this.marker].map((/** @type {number} */ other) =>
         (/** @type {number} */ frame) => samples.value(other, axis, frame, true)) : [],
     }));
   }
 
   /** Show a marker between two frames. @param {number} marker @param {number} start @param {number} stop */
-  async draw(marker, start, stop) {
-    const B = library(), { samples } = this, first = samples.row.first_frame;
+  async show_marker(marker, start, stop) {
+    const { samples } = this, first = samples.row.first_frame;
     this.marker = marker;
+    // The charts of coordinates serve all markers; those of angles are as many as the joint has channels.
+    if (this.angles || this.built !== "coordinates") await this.#build(start, stop);
+    this.x.setv({ start: first + start, end: first + stop });
+    this.update();
+  }
+
+  /** Draw all anew when the theme, or what is drawn, has changed. */
+  async redraw() {
+    const first = this.samples.row.first_frame;
+    this.built = "";
+    await this.show_marker(this.marker, this.x.start - first, this.x.end - first);
+  }
+
+  /** Make the charts. @param {number} start @param {number} stop */
+  async #build(start, stop) {
+    const B = library(), { samples } = this, first = samples.row.first_frame;
+    this.built = this.angles ? "angles" : "coordinates";
     this.x = range(first + start, first + stop, [first - 0.5, first + samples.n_frames - 0.5]);
     const curves = this.curves();
     this.charts = curves.map((curve, number) => this.#chart(curve, number === curves.length - 1));
@@ -74,7 +93,6 @@ export class Curves {
     this.views = view.child_views ?? view._child_views ?? [];
     if (this.views.values) this.views = [...this.views.values()];
     onRange(this.x, () => this.update());
-    this.update();
     this.place.onmousemove = (event) => {
       const frame = this.at(event.clientX);
       if (frame >= 0 && frame < samples.n_frames) this.hover(frame);
@@ -139,7 +157,7 @@ export class Curves {
   /** The neighbours' curves, each shifted by its mean distance from the marker. @param {Curve} curve @param {number} start @param {number} stop @param {number} pixels @param {number} middle */
   #others(curve, start, stop, pixels, middle) {
     const first = this.samples.row.first_frame, step = Math.max(1, Math.floor((stop - start) / SHIFT_SAMPLE));
-    const shifted = curve.neighbours.map((value) => {
+    const shifted = curve.neighbours().map((value) => {
       let sum = 0, count = 0, own = 0, n_own = 0;
       for (let frame = start; frame < stop; frame += step) {
         const [here, there] = [curve.after(frame), value(frame)];

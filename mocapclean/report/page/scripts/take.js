@@ -50,12 +50,11 @@ export class TakeView {
   /** Draw the pictures again in another theme. */
   async redraw() {
     if (!this.map || !this.player || !this.curves) return;
-    const { x } = this.curves;
     await this.map.draw();
     await this.player.draw();
-    const first = this.row.first_frame;
-    await this.curves.draw(this.marker, x.start - first, x.end - first);
-    this.bones?.of(this.marker);
+    await this.curves.redraw();
+    if (this.bones) this.bones.chart = null;
+    await this.bones?.of(this.marker);
     this.show(this.frame);
   }
 
@@ -120,8 +119,8 @@ export class TakeView {
     if (this.player) this.player.marker = marker;
     this.#describe(span ?? null);
     byId("angles-part").hidden = !samples.channels.length;
-    await this.curves?.draw(marker, Math.max(0, start - margin), Math.min(samples.n_frames - 1, stop + margin));
-    this.bones?.of(marker);
+    await this.curves?.show_marker(marker, Math.max(0, start - margin), Math.min(samples.n_frames - 1, stop + margin));
+    await this.bones?.of(marker);
     this.show(frame);
     document.dispatchEvent(new CustomEvent("opened"));
   }
@@ -246,8 +245,8 @@ export class TakeView {
   }
 
   async redrawCurves() {
-    const curves = /** @type {Curves} */ (this.curves), first = this.row.first_frame;
-    await curves.draw(this.marker, curves.x.start - first, curves.x.end - first);
+    const curves = /** @type {Curves} */ (this.curves);
+    await curves.redraw();
     this.read(this.frame);
     curves.show(this.frame);
   }
