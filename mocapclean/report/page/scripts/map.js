@@ -1,10 +1,14 @@
 // The map of a take: a row for each marker, time to the right, an area for each run of samples that is not measured.
 
-import { colour, draw, figure, library, onRange, range, source, zoom } from "./charts.js";
+import { colour, draw, fields, figure, library, onRange, range, source, zoom } from "./charts.js";
 import { byId, element, shortened } from "./text.js";
 
 const ROW = [16, 12]; // pixels of a marker's row, where there are few and where there are many
 const MANY = 32; // rows
+const WIDE = 6; // pixels from which an area has its pattern
+
+/** The columns of areas. @returns {Record<string, any[]>} */
+const NOTHING = () => ({ left: [], right: [], top: [], bottom: [], fill: [] });
 const WORD = 8; // most characters of an event's only word
 const LABEL = 18; // most characters of a name beside a row
 
@@ -59,10 +63,7 @@ export class StatusMap {
     made.center.forEach((/** @type {any} */ grid) => grid.dimension === 1 && (grid.visible = false));
     made.hbar({ y: { field: "y" }, left: { field: "left" }, right: { field: "right" }, height: 0.8, fill_color: colour("track"), line_color: null,
       source: source({ y: [...labels.keys()], left: rows.map(() => first - 0.5), right: rows.map(() => first + samples.n_frames - 0.5) }) });
-    this.areas = source({ left: [], right: [], top: [], bottom: [], fill: [], hatch: [] });
-    made.quad({ left: { field: "left" }, right: { field: "right" }, top: { field: "top" }, bottom: { field: "bottom" }, fill_color: { field: "fill" },
-      line_color: { field: "fill" }, line_width: 1, hatch_pattern: { field: "hatch" }, hatch_color: colour("paper"), hatch_scale: 7,
-      hatch_alpha: 0.75, source: this.areas });
+    this.#areas(made);
     this.#events(made, rows.length);
     this.chart = await draw(made, this.place);
     this.place.append(this.line);
@@ -70,6 +71,19 @@ export class StatusMap {
     this.update();
     this.place.onclick = (event) => this.#clicked(event);
     this.place.ondblclick = () => this.whole();
+  }
+
+  /** Make the areas: those of a few pixels, and the wider ones of each kind with its pattern, which is costly to make. @param {any} made */
+  #areas(made) {
+    const ends = fields("left", "right", "top", "bottom");
+    this.thin = source(NOTHING());
+    made.quad({ ...ends, fill_color: { field: "fill" }, line_color: { field: "fill" }, line_width: 1, source: this.thin });
+    this.wide = new Map([...this.kinds.values()].map((kind) => {
+      const part = source(NOTHING());
+      const pattern = kind.hatch && { hatch_pattern: kind.hatch, hatch_color: colour("paper"), hatch_scale: 7, hatch_alpha: 0.75 };
+      made.quad({ ...ends, fill_color: kind.colour, line_color: kind.colour, line_width: 1, ...pattern, source: part });
+      return [kind.name, part];
+    }));
   }
 
   /** Draw the file's events as lines with names. @param {any} made @param {number} n_rows */
@@ -92,21 +106,19 @@ export class StatusMap {
 
   /** Draw the areas of the frames in view; those of less than a pixel are joined, the most severe kind above. */
   update() {
-    if (!this.chart || !this.areas) return;
+    if (!this.chart || !this.wide) return;
     const first = this.samples.row.first_frame, pixels = Math.max(200, this.place.clientWidth);
     const least = (this.x.end - this.x.start) / pixels;
-    /** @type {Record<string, any[]>} */
-    const data = { left: [], right: [], top: [], bottom: [], fill: [], hatch: [] };
+    const data = new Map([...this.wide.keys(), ""].map((name) => [name, NOTHING()]));
     /** @type {Span | null} */
     let last = null;
     const put = (/** @type {Span} */ span, /** @type {number} */ row) => {
-      const kind = /** @type {any} */ (this.kinds.get(span.kind));
-      data.left.push(first + span.start - 0.5);
-      data.right.push(first + Math.max(span.stop, span.start + least) - 0.5);
-      data.top.push(row + 0.4);
-      data.bottom.push(row - 0.4);
-      data.fill.push(kind.colour);
-      data.hatch.push(span.stop - span.start > 6 * least && kind.hatch ? kind.hatch : "blank");
+      const part = /** @type {any} */ (data.get(span.stop - span.start > WIDE * least ? span.kind : ""));
+      part.left.push(first + span.start - 0.5);
+      part.right.push(first + Math.max(span.stop, span.start + least) - 0.5);
+      part.top.push(row + 0.4);
+      part.bottom.push(row - 0.4);
+      part.fill.push(/** @type {any} */ (this.kinds.get(span.kind)).colour);
     };
     for (const span of this.samples.spans) {
       const row = this.row_of?.get(span.marker);
@@ -119,7 +131,8 @@ export class StatusMap {
       put(span, row);
       last = span;
     }
-    this.areas.data = data;
+    this.thin.data = data.get("");
+    for (const [name, part] of this.wide) if (part.data.left.length || data.get(name)?.left.length) part.data = data.get(name);
     this.show(this.frame ?? 0);
   }
 

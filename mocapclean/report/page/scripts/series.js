@@ -32,8 +32,17 @@ export class Samples {
       const marker = Math.floor(place / n_frames), frame = place % n_frames;
       for (let axis = 0; axis < 3; axis++) this.before[(3 * marker + axis) * n_frames + frame] = before[3 * i + axis];
     });
+    /** @type {Float32Array | null} */
     this.sd = packed.header.arrays.sd ? this.#bars(packed.numbers("sd")) : null;
     this.channels = view.channels;
+    /** @type {Float32Array | null} */
+    this.angles = null;
+    /** @type {Float32Array | null} */
+    this.angles_before = null;
+    /** @type {Uint8Array | null} */
+    this.angles_known = null;
+    /** @type {Uint8Array | null} */
+    this.angles_in_file = null;
     if (this.channels.length) {
       this.angles = packed.series("angles");
       this.angles_before = this.angles.slice();
@@ -43,6 +52,15 @@ export class Samples {
       this.angles_in_file = packed.bytes("angles_in_file");
     }
     this.spans = this.#spans();
+  }
+
+  /** Free the memory of the arrays; the take has no frame and no marker then. */
+  release() {
+    this.n_frames = this.n_markers = 0;
+    this.spans = [];
+    this.after = this.before = new Float32Array(0);
+    this.codes = this.rules = this.known = new Uint8Array(0);
+    this.sd = this.angles = this.angles_before = this.angles_known = this.angles_in_file = null;
   }
 
   /** Return the bars (M, F) of supplied samples, NaN elsewhere. @param {Float64Array} values */

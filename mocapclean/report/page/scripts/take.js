@@ -267,8 +267,11 @@ export class TakeView {
     player.render();
   }
 
-  /** Stop everything that moves. */
+  /** Stop what moves, and free the memory of the samples. */
   close() {
-    if (this.player?.is_playing) this.play();
+    if (this.player) this.player.is_playing = false;
+    byId("play").textContent = "Play";
+    byId("play").setAttribute("aria-pressed", "false");
+    this.samples?.release();
   }
 }
