@@ -42,7 +42,9 @@ class Visit:
 
     def ready(self, take: int) -> None:
         """Wait until a take, by its index in the page, is drawn."""
-        self.page.wait_for_function("index => document.body.dataset.ready == mocapclean.page.takes[index].key", arg=take)
+        self.page.wait_for_function(
+            "index => document.body.dataset.ready == mocapclean.page.takes[index].key", arg=take
+        )
 
     def text(self, selector: str) -> str:
         return self.page.inner_text(selector)

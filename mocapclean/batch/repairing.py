@@ -31,8 +31,9 @@ class RepairJob:
     """One take to repair.
 
     name: of the output in the journal, unique in the run. sidecar, report, page: paths of the take's arrays, of its own
-    report and of its data for the run's page, or None. earlier: the output's record in the journals of earlier runs. planned_inode: of the file that was
-    at ``output`` when the run was planned, or None. may_rerun: a lost process may have run this job before.
+    report and of its data for the run's page, or None. earlier: the output's record in the journals of earlier runs.
+    planned_inode: of the file that was at ``output`` when the run was planned, or None. may_rerun: a lost process may
+    have run this job before.
     """
 
     name: str

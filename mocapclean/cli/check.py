@@ -56,7 +56,10 @@ def command(
     verdicts = dict[Path, Verdict]()
     with stopping() as stop:
         results: JobResults[Path, Verdict] = run(
-            CheckTake(settings, page.keep() if page else None), takes, worker_limits(settings, alone=len(takes) == 1), stop
+            CheckTake(settings, page.keep() if page else None),
+            takes,
+            worker_limits(settings, alone=len(takes) == 1),
+            stop,
         )
         with contextlib.closing(results):
             _print_verdicts(results, verdicts, settings, len(takes))

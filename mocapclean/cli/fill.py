@@ -107,7 +107,9 @@ def command(
             n_earlier = _collect(results, jobs, journal, settings, as_json)
         code = _conclude(jobs, journal, settings, as_json, n_earlier)
         if settings.html:
-            _write_html(settings.html, jobs, journal, in_one_file=not (resume or shard), quiet=settings.quiet or as_json)
+            _write_html(
+                settings.html, jobs, journal, in_one_file=not (resume or shard), quiet=settings.quiet or as_json
+            )
     if journal.fault:
         complain(f"{journal.fault} The report is complete, but --resume will repeat some takes.")
     if stop.signal:
@@ -204,7 +206,10 @@ def _write_html(page: Path, jobs: list[RepairJob], journal: Journal, *, in_one_f
     takes = [(_row(job, journal), job.page) for job in jobs]
     write_page(
         page,
-        (PageTake(row=row, data=path if path and path.exists() and row["status"] != "failed" else None) for row, path in takes),
+        (
+            PageTake(row=row, data=path if path and path.exists() and row["status"] != "failed" else None)
+            for row, path in takes
+        ),
         embed=embed,
     )
     if embed:

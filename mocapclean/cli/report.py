@@ -32,8 +32,8 @@ from mocapclean.report.page.places import MOST_EMBEDDED, data_file, data_folder,
 def command(report: Path, takes: tuple[Path, ...], output: Path, overwrite: bool) -> int:
     """Write the page of REPORT, a JSON report of fill or check, for any browser.
 
-    TAKES are files and folders in which captures, repaired files and sidecars are looked for by name, where they are not
-    in the places that the report names. A take whose files are not found has its numbers in the page, without pictures.
+    TAKES are files and folders in which captures, repaired files and sidecars are looked for by name, where they are
+    not in the places that the report names. A take whose files are not found has its numbers in the page, without pictures.
     """
     require_library()
     check_output(output, report, overwrite)
@@ -41,7 +41,10 @@ def command(report: Path, takes: tuple[Path, ...], output: Path, overwrite: bool
     files = _Files(report, takes)
     rows = content["takes"]
     make_folder(data_folder(output))
-    pages = [_page_take(row, content["config"], files, data_file(output, f"{i} {row['source']}")) for i, row in enumerate(rows)]
+    pages = [
+        _page_take(row, content["config"], files, data_file(output, f"{i} {row['source']}"))
+        for i, row in enumerate(rows)
+    ]
     embed = len(rows) <= MOST_EMBEDDED
     write_page(output, pages, embed=embed)
     if embed:
@@ -58,7 +61,9 @@ def _load(path: Path) -> Mapping[str, Any]:
     if not isinstance(content, dict) or not isinstance(content.get("takes"), list) or "config" not in content:
         raise UsageError(f"{path}: a report must be JSON that mocapclean wrote. It has no takes.")
     if content.get("schema") != record.SCHEMA:
-        message = f"the report must be of schema {record.SCHEMA}. It is of {content.get('schema')}; run the command again."
+        message = (
+            f"the report must be of schema {record.SCHEMA}. It is of {content.get('schema')}; run the command again."
+        )
         raise UsageError(f"{path}: {message}")
     return content
 
@@ -102,7 +107,9 @@ def _view(row: Mapping[str, Any], config: Mapping[str, Any], files: _Files) -> V
     output = _same(files.places(row.get("output")), hashes.get("output"))
     if source is None or (row.get("output") and output is None):
         missing = row["source"] if source is None else row["output"]
-        complain(f"{missing}: not found as it was, so that this take is without pictures. Name its folder after the report.")
+        complain(
+            f"{missing}: not found as it was, so that this take is without pictures. Name its folder after the report."
+        )
         return None
     try:
         return rebuilt_view(row, config, source, output, next(files.places(row.get("sidecar")), None))

@@ -35,7 +35,18 @@ MILLIMETRES = {"mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4, "ft": 304.8}
 _SECTION = ConfigDict(**STRICT, frozen=True)
 
 _NO_EFFECT_ON_REPAIR = {
-    *("output", "out_dir", "sidecar", "overwrite", "report", "html", "include_files", "exclude_files", "quiet", "verbose"),
+    *(
+        "output",
+        "out_dir",
+        "sidecar",
+        "overwrite",
+        "report",
+        "html",
+        "include_files",
+        "exclude_files",
+        "quiet",
+        "verbose",
+    ),
     *("workers", "timeout", "memory", "scheduler"),
 }
 """Options that choose takes, places and resources. The repaired samples do not depend on them."""

@@ -48,7 +48,7 @@ def _read(path: Path, config: Mapping[str, Any], beside: Path | None = None) -> 
 
     beside: the file by which a skeleton in a file of its own lies, where that is not ``path``.
     """
-    unit = config.get("unit")
+    unit: Any = config.get("unit")
     options: dict[str, Any] = {"rate": config.get("rate"), "unit": MILLIMETRES.get(unit, unit)}
     if formats.needs_skeleton(path):
         options["skeleton"] = config.get("skeleton") or formats.companion(beside or path)

@@ -49,7 +49,7 @@ def _reasons(row: Row) -> Iterator[tuple[float, str]]:
     if row.get("error"):
         yield _BREACH, str(row["error"])
     yield from _of_findings(row)
-    if "counts" in row and row["counts"]:
+    if row.get("counts"):
         yield from _of_samples(row, row["counts"])
     yield from _of_bones(row)
 
@@ -64,7 +64,10 @@ def _of_samples(row: Row, counts: Mapping[str, int]) -> Iterator[tuple[float, st
         if row.get("method"):
             yield _LEFT * (1 + 9 * share), f"{_count(counts['left'], 'sample')} left; longest {_place(worst)}{why}"
         else:  # nothing was to be filled
-            yield _FAIR * (1 + 9 * share), f"{_count(counts['left'], 'sample')} not trusted; longest gap {_place(worst)}"
+            yield (
+                _FAIR * (1 + 9 * share),
+                f"{_count(counts['left'], 'sample')} not trusted; longest gap {_place(worst)}",
+            )
     if counts["replaced"]:
         worst = max(gaps, key=lambda gap: gap["largest_move"] or 0.0)
         move = worst["largest_move"] or 0.0
@@ -93,7 +96,10 @@ def _of_findings(row: Row) -> Iterator[tuple[float, str]]:
         rules = ", ".join(f"{rule} {number}" for rule, number in Counter(f["rule"] for f in suspicions).most_common())
         first = next((f for f in suspicions if f["marker"]), None)
         where = f", first {_place(first)}" if first else ""
-        yield _SUSPICIOUS + len(suspicions), f"{_count(len(suspicions), 'suspicion')} ({rules}){where}; left as measured"
+        yield (
+            _SUSPICIOUS + len(suspicions),
+            f"{_count(len(suspicions), 'suspicion')} ({rules}){where}; left as measured",
+        )
     for finding in _of_level(findings, "warning"):
         if finding["marker"] is None:
             yield _WARNING + _FAIR, str(finding["message"]).rstrip(".")

@@ -86,7 +86,14 @@ def curves(view: View, marker: str, frames: tuple[int, int] | None = None) -> "F
         joined = np.where(_wider(filled), after[:, axis], np.nan)
         axes.plot(numbers, joined, color=_COLOURS["filled"], lw=2, ls=(0, (3, 1.5)), label="filled")
         if replaced.any():
-            axes.plot(numbers[replaced], before[replaced, axis], "s", ms=4, color=_COLOURS["replaced"], label="replaced sample")
+            axes.plot(
+                numbers[replaced],
+                before[replaced, axis],
+                "s",
+                ms=4,
+                color=_COLOURS["replaced"],
+                label="replaced sample",
+            )
         axes.set_ylabel(f"{'XYZ'[axis]}, mm")
         axes.grid(alpha=0.3)
     all_axes[-1].set_xlabel("frame")
@@ -105,8 +112,12 @@ def bone_lengths(view: View) -> "Figure":
     lengths = []
     for bone in bones:
         ends = [columns[bone.start], columns[bone.end]]
-        lengths.append([_length(view.before.positions, view.in_file, ends), _length(view.after.positions, view.in_output, ends)])
-    worst = [np.nanmax(np.abs(after - bone.length), initial=0.0) for bone, (_, after) in zip(bones, lengths, strict=True)]
+        lengths.append(
+            [_length(view.before.positions, view.in_file, ends), _length(view.after.positions, view.in_output, ends)]
+        )
+    worst = [
+        np.nanmax(np.abs(after - bone.length), initial=0.0) for bone, (_, after) in zip(bones, lengths, strict=True)
+    ]
     order = np.argsort(worst)[::-1][:_MOST_BONES]
     figure = _figure(_WIDTH, len(order) * 1.5 + 0.8)
     all_axes: Any = figure.subplots(len(order), 1, sharex=True, squeeze=False)[:, 0]
@@ -126,7 +137,9 @@ def bone_lengths(view: View) -> "Figure":
 def around(view: View, marker: str, frame: int) -> tuple[int, int]:
     """Return the first and last index to show of the gap of a marker at an index, with a margin on both sides."""
     column = view.before.markers.index(marker)
-    gap = next(((int(a), int(b)) for a, b in runs(~view.before.trusted[:, column]) if a <= frame < b), (frame, frame + 1))
+    gap = next(
+        ((int(a), int(b)) for a, b in runs(~view.before.trusted[:, column]) if a <= frame < b), (frame, frame + 1)
+    )
     margin = max(round(_MARGIN_SECONDS * view.before.rate), gap[1] - gap[0])
     return max(gap[0] - margin, 0), min(gap[1] + margin, len(view.codes)) - 1
 

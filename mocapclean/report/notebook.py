@@ -71,4 +71,6 @@ def _caption(take: Take) -> str:
     missing = int((~take.trusted & ~take.filled).sum())
     filled = f", {int(take.filled.sum()):,} filled" if take.filled.any() else ""
     seconds = n_frames / take.rate
-    return f"{name}: {n_markers} markers × {n_frames:,} frames, {seconds:.1f} s; {missing:,} samples not trusted{filled}"
+    return (
+        f"{name}: {n_markers} markers × {n_frames:,} frames, {seconds:.1f} s; {missing:,} samples not trusted{filled}"
+    )

@@ -2,4 +2,4 @@
 
 from mocapclean.take.take import Event, Exchanged, Finding, Origin, ReadOptions, Solution, Take
 
-__all__ = ["Exchanged", "Finding", "Origin", "ReadOptions", "Solution", "Take"]
+__all__ = ["Event", "Exchanged", "Finding", "Origin", "ReadOptions", "Solution", "Take"]

@@ -209,7 +209,6 @@ class Take:
         """Return the first and last frame numbers of the file, inclusive, for a half-open span of indices."""
         return start + self.first_frame, stop - 1 + self.first_frame
 
-
     def plot(self) -> Any:
         """Return the map of the samples as a matplotlib figure (extra ``plots``)."""
         return _notebook().plot(self)

@@ -18,7 +18,20 @@ from mocapclean.report.page.words import citation, methods_paragraph
 from mocapclean.report.vocabulary import KINDS, statuses
 
 _HERE = Path(__file__).parent
-_SCRIPTS = ("unpacking", "series", "text", "charts", "overview", "map", "curves", "bones", "player", "lists", "take", "main")
+_SCRIPTS = (
+    "unpacking",
+    "series",
+    "text",
+    "charts",
+    "overview",
+    "map",
+    "curves",
+    "bones",
+    "player",
+    "lists",
+    "take",
+    "main",
+)
 """The page's own scripts, each after those that it imports from."""
 _LIBRARY = ("bokeh.min.js", "bokeh-api.min.js")
 _IMPORT = re.compile(r'^import (\{.*?\}) from "\./(\w+)\.js";$', re.MULTILINE)
@@ -128,7 +141,9 @@ def _summary(take: PageTake) -> dict[str, Any]:
     source = Path(row["source"])
     check = (((row.get("self_check") or {}).get("total") or {}).get("error") or {}).get("rmse_3d")
     bones = (row.get("bones") or {}).get("skeleton_rmse") or {}
-    expected = [gap["expected_3d"] for gap in row.get("gaps", ()) if gap["expected_3d"] is not None and gap["samples_filled"]]
+    expected = [
+        gap["expected_3d"] for gap in row.get("gaps", ()) if gap["expected_3d"] is not None and gap["samples_filled"]
+    ]
     return {
         "key": take.data.stem if take.data else None,
         "name": source.name,

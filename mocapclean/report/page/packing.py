@@ -42,7 +42,7 @@ class Packer:
         twice = np.diff(np.diff(whole, axis=1, prepend=np.int32(0)), axis=1, prepend=np.int32(0))
         self._add(name, _planes(twice), kind="series", shape=whole.shape, step=step)
 
-    def add_numbers(self, name: str, values: Floats, step: float) -> None:
+    def add_numbers(self, name: str, values: NDArray[Any], step: float) -> None:
         """Add any finite numbers in whole steps, in their order, as first differences."""
         whole = _whole(np.ravel(values), step)
         self._add(name, _planes(np.diff(whole, prepend=np.int32(0))), kind="numbers", shape=whole.shape, step=step)
@@ -60,7 +60,7 @@ class Packer:
         self._offset += len(block)
 
 
-def _whole(values: Floats, step: float) -> NDArray[np.int32]:
+def _whole(values: NDArray[Any], step: float) -> NDArray[np.int32]:
     """Return values in whole steps, limited to 32 bits."""
     return np.clip(np.rint(values / step), -_MOST, _MOST).astype(np.int32)
 

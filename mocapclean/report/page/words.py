@@ -15,7 +15,7 @@ def citation() -> str:
 
 
 def methods_paragraph(row: Mapping[str, Any]) -> str:
-    """Return a paragraph with the numbers, the method, its source and the version, or "" for a take without a repair."""
+    """Return a paragraph with the numbers, the method, its source and the version; "" for a take without a repair."""
     counts = row.get("counts")
     if not counts or row.get("status") not in ("repaired", "unchanged"):
         return ""

@@ -10,6 +10,7 @@ import { Samples } from "./series.js";
 import { byId, counted, element, frames, grouped, mm, RULES, shortened } from "./text.js";
 
 const AXES = ["X", "Y", "Z"];
+const PAUSE = 100; // ms between two frames that lines and text show while the body moves
 const MARGIN = 0.35; // seconds shown on both sides of a gap, and as much as the gap is long
 
 /** The view of one take. */
@@ -22,6 +23,7 @@ export class TakeView {
     this.samples = packed.header.view ? new Samples(packed, page.statuses) : null;
     this.frame = 0;
     this.marker = 0;
+    this.shown = 0;
   }
 
   /** Show the numbers, then the pictures. @param {() => Promise<void>} load what loads the chart library */
@@ -174,6 +176,10 @@ export class TakeView {
   show(frame, from_player = false) {
     const samples = /** @type {Samples} */ (this.samples);
     this.frame = Math.max(0, Math.min(samples.n_frames - 1, frame));
+    // The pictures of a moving body cost less than the lines, the text and the slider that go with it.
+    const now = performance.now();
+    if (from_player && now - this.shown < PAUSE) return;
+    this.shown = now;
     if (!from_player) this.player?.seek(this.frame);
     this.map?.show(this.frame);
     this.curves?.show(this.frame);
