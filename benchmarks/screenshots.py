@@ -48,7 +48,9 @@ def pages(folder: Path) -> tuple[Path, Path]:
     samples, walk, takes = ROOT / "sample_data", folder / "walk.html", folder / "takes.html"
     fill = [sys.executable, "-m", "mocapclean", "fill", "-q"]
     truth = ["--reference", samples / "walk_truth.c3d"]
-    subprocess.run([*fill, samples / "walk.c3d", "-o", folder / "walk.c3d", "--html", walk, *truth], check=True, cwd=ROOT)
+    subprocess.run(
+        [*fill, samples / "walk.c3d", "-o", folder / "walk.c3d", "--html", walk, *truth], check=True, cwd=ROOT
+    )
     shutil.copytree(samples, folder / "takes" / "sample")
     for seed, (missing, faults) in enumerate(SESSION):
         simulate = [sys.executable, "-m", "mocapclean", "simulate", "--seconds", "4", "--seed", str(seed)]

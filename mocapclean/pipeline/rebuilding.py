@@ -17,6 +17,7 @@ from mocapclean.take.names import matching_columns
 from mocapclean.take.status import Codes, Status, detected
 
 _EXPECTED_PER_SD = 3**0.5  # the expected 3D error of a gap over the sd of a coordinate
+_ROUNDING = 0.005  # mm, the largest difference that the digits of a file explain; chosen by hand
 _BY_CODE = {status.code: status for status in Status}
 
 
@@ -133,7 +134,8 @@ def _from_row(row: Mapping[str, Any], before: Take, after: Take) -> tuple[Codes,
     codes = np.where(before.suspicious, Status.SUSPICIOUS, Status.MEASURED).astype(np.uint8)
     sd = np.full(codes.shape, np.nan)
     changed = _changed(before, after)
-    codes[changed & before.trusted] = Status.MOVED
+    if row["counts"]["moved"]:
+        codes[changed & before.trusted] = Status.MOVED
     for gap, (column, start, stop) in zip(row.get("gaps", ()), _gaps(row, before), strict=False):
         span = (slice(start, stop), column)
         codes[span] = _BY_CODE[gap["status"]]
@@ -148,5 +150,6 @@ def _from_row(row: Mapping[str, Any], before: Take, after: Take) -> tuple[Codes,
 
 def _changed(before: Take, after: Take) -> Bools:
     """Return the samples (F, M) in which two takes differ; samples that neither has do not."""
-    same = (before.positions == after.positions) | (np.isnan(before.positions) & np.isnan(after.positions))
-    return np.asarray(~same.all(axis=2))
+    near = np.abs(before.positions - after.positions) <= _ROUNDING
+    neither = np.isnan(before.positions) & np.isnan(after.positions)
+    return np.asarray(~(near | neither).all(axis=2))

@@ -9,7 +9,7 @@ from mocapclean.formats.c3d.document import C3dDocument
 from mocapclean.formats.c3d.header import read_header
 from mocapclean.take import Event, Take
 
-_SECONDS_PER_MINUTE = 60.0
+_SECONDS_PER_MINUTE = 60.0  # by definition
 
 
 def events(take: Take) -> tuple[Event, ...]:
