@@ -1,6 +1,6 @@
-"""Make the pictures of the documents from the sample take and simulated ones: python benchmarks/screenshots.py (extras html and test).
+"""Make the pictures of the documents from the sample take and simulated ones: python benchmarks/screenshots.py
 
-Each is a PNG of 128 colours in docs/images, so that it stays small.
+It needs the extras html and test, and Chromium. Each is a PNG of 128 colours in docs/images, so that it stays small.
 """
 
 import os

@@ -33,7 +33,8 @@ def command(report: Path, takes: tuple[Path, ...], output: Path, overwrite: bool
     """Write the page of REPORT, a JSON report of fill or check, for any browser.
 
     TAKES are files and folders in which captures, repaired files and sidecars are looked for by name, where they are
-    not in the places that the report names. A take whose files are not found has its numbers in the page, without pictures.
+    not in the places that the report names. A take whose files are not found has its numbers in the page, without
+    pictures.
     """
     require_library()
     check_output(output, report, overwrite)
