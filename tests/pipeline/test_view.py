@@ -61,7 +61,7 @@ def test_the_vertical_is_found_whichever_axis_it_is(walk):
     turned = replace(walk, positions=walk.positions[:, :, [2, 0, 1]] * [1, -1, 1])
     assert view_of(replace(walk, positions=walk.positions[:, :, [0, 2, 1]])).up_axis() == 1
     assert view_of(turned).up_axis() in (1, 2)
-    beside = replace(walk, positions=walk.positions + [0.0, 5000.0, 0.0])
+    beside = replace(walk, positions=walk.positions + np.array([0.0, 5000.0, 0.0]))
     two = replace(
         walk,
         positions=np.concatenate([walk.positions, beside.positions], axis=1),

@@ -337,3 +337,44 @@ def test_a_check_has_a_page_too(browser, many, tmp_path):
         visit.page.wait_for_function("document.body.dataset.ready")
         assert "missing in the file; no method ran" in visit.text("#story")
         assert not visit.errors
+
+
+def test_a_resumed_run_makes_the_page_of_all_takes(many, tmp_path):
+    store(tmp_path / "in", "a.c3d", "b.c3d")
+    command = ["fill", tmp_path / "in", "--out-dir", tmp_path / "out", "--method", "spline", "--resume"]
+    assert run(*command, "--html", tmp_path / "page.html")[0] == 0
+    files = sorted((tmp_path / "page_files").glob("take-*.js"))
+    assert len(files) == 2
+    first = (tmp_path / "page.html").read_text(encoding="utf-8")
+    files[0].unlink()
+    code, told, error = run(*command, "--html", tmp_path / "page.html")
+    assert code == 0, error
+    assert "1 done before" in told  # the take whose data were there
+    assert files[0].exists()
+    assert len((tmp_path / "page.html").read_text(encoding="utf-8")) == pytest.approx(len(first), rel=0.01)
+
+
+def test_a_page_replaces_no_file_unasked(tmp_path):
+    store(tmp_path, "a.c3d")
+    (tmp_path / "page.html").write_text("mine")
+    code, _, error = run("fill", tmp_path / "a.c3d", "--method", "spline", "--html", tmp_path / "page.html")
+    assert code == 2
+    assert "page.html" in error
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.c3d", "page.html"]
+    code, _, error = run("check", tmp_path / "a.c3d", "--html", tmp_path / "a.c3d", "--overwrite")
+    assert code == 2
+    assert (tmp_path / "page.html").read_text() == "mine"
+
+
+@pytest.mark.parametrize("command", ["fill", "check", "report"])
+def test_a_missing_library_is_named_before_anything_is_done(tmp_path, monkeypatch, command):
+    from mocapclean.report.page import building
+
+    store(tmp_path, "a.c3d")
+    (tmp_path / "report.json").write_text("{}")
+    monkeypatch.setattr(building.importlib.util, "find_spec", lambda name: None)
+    options = ["-o", tmp_path / "page.html"] if command == "report" else ["--html", tmp_path / "page.html"]
+    code, _, error = run(command, tmp_path / ("report.json" if command == "report" else "a.c3d"), *options)
+    assert code == 2
+    assert "extra: html" in error
+    assert not (tmp_path / "page.html").exists()

@@ -68,11 +68,20 @@ def _view(packer: Packer, view: View, row: Mapping[str, Any]) -> dict[str, Any]:
             if bone["start"] in columns and bone["end"] in columns
         ],
         "channels": _angles(packer, view),
+        "parents": _parents(view.before.skeleton),
     }
 
 
+def _parents(skeleton: Skeleton | None) -> dict[str, str]:
+    """Return the name of each joint's parent, for joints that have one."""
+    if skeleton is None:
+        return {}
+    pairs = zip(skeleton.names, skeleton.parents, strict=True)
+    return {name: skeleton.names[parent] for name, parent in pairs if parent >= 0}
+
+
 def _angles(packer: Packer, view: View) -> list[dict[str, Any]]:
-    """Add the channels of a skeleton before and after; return the joint, axis and unit of each."""
+    """Add the channels of a skeleton before and after; return joint, axis and unit of each, and whether it changed."""
     skeleton: Skeleton | None = view.before.skeleton
     if skeleton is None or view.poses is None:
         return []
@@ -86,8 +95,9 @@ def _angles(packer: Packer, view: View) -> list[dict[str, Any]]:
     return [
         {
             "joint": skeleton.names[channel.joint],
+            "changed": bool(differs[:, number].any()),
             "axis": _AXES[channel.axis],
             "unit": "degrees" if channel.is_rotation else "mm",
         }
-        for channel in skeleton.channels
+        for number, channel in enumerate(skeleton.channels)
     ]

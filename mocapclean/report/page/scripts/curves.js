@@ -2,9 +2,10 @@
 
 import { colour, fields, figure, library, onRange, put, range, source, zoom } from "./charts.js";
 import { decimated } from "./series.js";
-import { byId, element } from "./text.js";
+import { byId, element, shortened } from "./text.js";
 
 const BAND = 1.645; // standard deviations to both sides that hold 90 % of a normal distribution
+const MOST_CHANNELS = 9; // angles that are shown at the same time
 const AXES = ["X", "Y", "Z"];
 const SHIFT_SAMPLE = 200; // most frames from which the mean distance of a neighbour is taken
 const HEIGHT = 128; // pixels of a curve's frame
@@ -32,11 +33,14 @@ export class Curves {
     this.charts = [];
   }
 
-  /** The channels of the marker's joint and of those above it that changed. */
+  /** The channels of the marker's joint, and those of the joints above it that changed: they decide where it is. */
   channels() {
-    const { samples } = this;
-    return samples.channels.map((/** @type {any} */ channel, /** @type {number} */ i) => ({ ...channel, i }))
-      .filter((/** @type {any} */ channel) => channel.joint === samples.markers[this.marker]);
+    const { channels, view, markers } = this.samples, own = markers[this.marker], above = new Set();
+    for (let joint = view.parents[own]; joint && !above.has(joint); joint = view.parents[joint]) above.add(joint);
+    return channels.map((/** @type {any} */ channel, /** @type {number} */ i) => ({ ...channel, i }))
+      .filter((/** @type {any} */ channel) => channel.joint === own || (channel.changed && above.has(channel.joint)))
+      .sort((/** @type {any} */ a, /** @type {any} */ b) => Number(b.joint === own) - Number(a.joint === own) || a.i - b.i)
+      .slice(0, MOST_CHANNELS);
   }
 
   /** @returns {Curve[]} */
@@ -44,7 +48,7 @@ export class Curves {
     const { samples } = this;
     if (this.angles) {
       return this.channels().map((/** @type {any} */ channel) => ({
-        label: `${channel.axis} ${channel.unit === "mm" ? "shift" : "angle"}`, unit: channel.unit, bar: () => NaN, neighbours: () => [],
+        label: `${channel.joint === samples.markers[this.marker] ? "" : `${shortened(channel.joint, 10)} `}${channel.axis}`, unit: channel.unit === "mm" ? "mm" : "°", bar: () => NaN, neighbours: () => [],
         before: (/** @type {number} */ frame) => samples.angle(channel.i, frame, false),
         after: (/** @type {number} */ frame) => samples.angle(channel.i, frame, true),
       }));

@@ -194,7 +194,7 @@ export class TakeView {
   read(frame) {
     const samples = /** @type {Samples} */ (this.samples), { marker } = this;
     if (this.curves?.angles) {
-      const rows = this.curves.channels().map((/** @type {any} */ channel) => [channel.axis, samples.angle(channel.i, frame, false), samples.angle(channel.i, frame, true),
+      const rows = this.curves.channels().map((/** @type {any} */ channel) => [`${shortened(channel.joint, 20)} ${channel.axis}`, samples.angle(channel.i, frame, false), samples.angle(channel.i, frame, true),
         channel.unit === "mm" ? " mm" : "°"]);
       this.#reading(frame, rows);
       return;
