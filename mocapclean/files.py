@@ -22,6 +22,14 @@ def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
         raise UsageError(f"{path}: the output exists already. Use --overwrite to replace it.")
 
 
+def make_folder(folder: Path) -> None:
+    """Make a folder and those above it; raise UsageError if it cannot be made."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise UsageError(f"{folder}: the folder cannot be made: {error.strerror or error}.") from None
+
+
 @contextlib.contextmanager
 def new_file(path: Path) -> Iterator[Path]:
     """Yield a temporary file in the folder of ``path``; it is renamed to ``path`` unless the block raises.

@@ -163,9 +163,12 @@ def written_by(command):
     options = cli.get_command(None, name).make_context(name, arguments).params
     (source,) = options["files"]
     (job,) = plan(
-        [Input(path=source, relative=Path(source.name))], Settings(output=options["output"], overwrite=True), [], {}
+        [Input(path=source, relative=Path(source.name))],
+        Settings(output=options["output"], html=options["html"], overwrite=True),
+        [],
+        {},
     )
-    return [str(target) for target in job.targets]
+    return [str(target) for target in (*job.targets, options["html"])]
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not installed")
@@ -173,7 +176,7 @@ def test_git_ignores_what_the_set_up_writes(tmp_path):
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     (set_up,) = re.findall(r"<!-- set-up -->\n```sh\n(.*?)```", readme, re.DOTALL)
     written = [path for line in set_up.splitlines() for part in line.split("&&") for path in written_by(part)]
-    assert {"walk_clean.c3d", "walk_clean.c3d.report.json"} <= set(written)
+    assert {"walk_clean.c3d", "walk_clean.c3d.report.json", "walk_clean.html"} <= set(written)
     shutil.copy(ROOT / ".gitignore", tmp_path)
     git = ["git", "-C", str(tmp_path), "-c", f"core.excludesFile={os.devnull}"]
     subprocess.run([*git, "init", "-q"], check=True)

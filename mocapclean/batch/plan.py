@@ -9,7 +9,8 @@ from mocapclean.batch.journal import EarlierOutput
 from mocapclean.batch.repairing import RepairJob, inode
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
-from mocapclean.files import check_output
+from mocapclean.files import check_output, make_folder
+from mocapclean.report.page.places import data_file
 
 FileIdentity = tuple[int, int]
 """Device and inode of a file; (0, 0) if it does not exist."""
@@ -42,24 +43,30 @@ def plan(
         _check_format(job)
         for target in job.targets:
             _check_target(target, identities, settings.overwrite or resume)
-    if isinstance(settings.report, Path):
-        _check_target(settings.report, identities, settings.overwrite or report_name(settings.report) in earlier)
+    for path in _of_run(settings):
+        _check_target(path, identities, settings.overwrite or report_name(path) in earlier)
     return jobs
 
 
+def _of_run(settings: Settings) -> Iterator[Path]:
+    """Yield the report and the page of the whole run, where there are such."""
+    if isinstance(settings.report, Path):
+        yield settings.report
+    if settings.html:
+        yield settings.html
+
+
 def report_name(report: Path) -> str:
-    """Return the name of a run's report in its journal."""
+    """Return the name of a run's report or page in its journal."""
     return os.path.abspath(report)
 
 
 def make_folders(jobs: Iterable[RepairJob], out_dir: Path | None) -> None:
     """Make the folders of all outputs; raise UsageError for a folder that cannot be made."""
     folders = [out_dir, *(job.output.parent for job in jobs)] if out_dir else []
-    for folder in dict.fromkeys([*folders, *(job.sidecar.parent for job in jobs if job.sidecar)]):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise UsageError(f"{folder}: the folder cannot be made: {error.strerror or error}.") from None
+    beside = [path.parent for job in jobs for path in (job.sidecar, job.page) if path]
+    for folder in dict.fromkeys([*folders, *beside]):
+        make_folder(folder)
 
 
 def _job(take: Input, settings: Settings, earlier: Mapping[str, EarlierOutput], *, alone: bool) -> RepairJob:
@@ -76,6 +83,7 @@ def _job(take: Input, settings: Settings, earlier: Mapping[str, EarlierOutput], 
         output=output,
         sidecar=_sidecar(take, settings.sidecar, alone) if settings.sidecar else None,
         report=report,
+        page=data_file(settings.html, name) if settings.html else None,
         earlier=earlier.get(name),
         planned_inode=inode(output),
     )
@@ -110,9 +118,9 @@ def _targets(jobs: Iterable[RepairJob], settings: Settings) -> Iterator[tuple[Pa
     """Yield every file that a run writes, with the folder that it must stay in (None: any folder)."""
     for job in jobs:
         for target in job.targets:
-            yield target, settings.out_dir if target != job.sidecar else None
-    if isinstance(settings.report, Path):
-        yield settings.report, None
+            yield target, settings.out_dir if target not in (job.sidecar, job.page) else None
+    for path in _of_run(settings):
+        yield path, None
 
 
 def _check_format(job: RepairJob) -> None:

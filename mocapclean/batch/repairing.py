@@ -19,6 +19,7 @@ from mocapclean.formats import companion
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.repair import repair
+from mocapclean.pipeline.view import View
 from mocapclean.report import record
 from mocapclean.report.text import summary
 
@@ -30,9 +31,10 @@ _CACHED_DIGESTS = 64
 class RepairJob:
     """One take to repair.
 
-    name: of the output in the journal, unique in the run. sidecar, report: paths of the take's arrays and of its own
-    report, or None. earlier: the output's record in the journals of earlier runs. planned_inode: of the file that was
-    at ``output`` when the run was planned, or None. may_rerun: a lost process may have run this job before.
+    name: of the output in the journal, unique in the run. sidecar, report, page: paths of the take's arrays, of its own
+    report and of its data for the run's page, or None. earlier: the output's record in the journals of earlier runs.
+    planned_inode: of the file that was at ``output`` when the run was planned, or None. may_rerun: a lost process may
+    have run this job before.
     """
 
     name: str
@@ -40,6 +42,7 @@ class RepairJob:
     output: Path
     sidecar: Path | None = None
     report: Path | None = None
+    page: Path | None = None
     earlier: EarlierOutput | None = None
     planned_inode: int | None = None
     may_rerun: bool = False
@@ -47,7 +50,7 @@ class RepairJob:
     @property
     def targets(self) -> list[Path]:
         """Return all files that this job writes."""
-        return [path for path in (self.output, self.sidecar, self.report) if path]
+        return [path for path in (self.output, self.sidecar, self.report, self.page) if path]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +84,8 @@ class Repair:
         if may_replace:
             settings = settings.but(overwrite=True)
             _discard_parts(job)
-        outcome = repair(job.source, job.output, settings, job.sidecar)
+        views: list[View] = []
+        outcome = repair(job.source, job.output, settings, job.sidecar, views.append if job.page else None)
         if source_sha256 and outcome.source_sha256 not in ("", source_sha256):
             job.output.unlink(missing_ok=True)
             outcome = failed_outcome(job, "the input changed while it was read. Try again.")
@@ -90,6 +94,8 @@ class Repair:
         if report and (fault := self._write_report(report, row)):
             outcome = replace(outcome, error=str(fault), exit_code=fault.exit_code)
             row = record.row(outcome)
+        if job.page and views and outcome.status != "failed":
+            outcome, row = _write_page_data(job.page, outcome, row, views[0])
         shown_report = report or (self.settings.report if isinstance(self.settings.report, Path) else None)
         return FinishedTake(
             key=key if outcome.status != "failed" else "",
@@ -100,6 +106,8 @@ class Repair:
     def undo(self, job: RepairJob) -> None:
         """Remove partial files, and the complete output of a process that was lost before its result arrived."""
         _discard_parts(job)
+        if job.page:
+            job.page.unlink(missing_ok=True)
         if inode(job.output) not in (None, job.planned_inode):
             with suppress(OSError):
                 job.output.unlink()
@@ -126,6 +134,18 @@ class Repair:
         except MocapcleanError as error:
             return error
         return None
+
+
+def _write_page_data(path: Path, outcome: Outcome, row: dict[str, Any], view: View) -> tuple[Outcome, dict[str, Any]]:
+    """Write the data of a take for the page of its run; return outcome and row, with the error if it cannot be."""
+    from mocapclean.report.page.data import write_take  # only runs with a page need it
+
+    try:
+        write_take(path, row, view)
+    except MocapcleanError as error:
+        outcome = replace(outcome, error=str(error), exit_code=error.exit_code)
+        return outcome, record.row(outcome)
+    return outcome, row
 
 
 def _discard_parts(job: RepairJob) -> None:

@@ -12,6 +12,8 @@ class Commands(click.Group):
         "fill": "Repair takes and write them with a report.",
         "inspect": "Show markers, frames, gaps and findings; write nothing.",
         "check": "Check takes against limits, for people and for CI.",
+        "report": "Write the page of a report, with pictures, for any browser.",
+        "plot": "Draw gaps, curves or bones of takes as PNG, SVG or PDF.",
         "methods": "List the methods with their sources and parameters.",
         "train": "Learn a dictionary for llc and srmmp from clean takes.",
         "simulate": "Write simulated takes with gaps, faults and the truth.",

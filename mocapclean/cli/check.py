@@ -13,7 +13,8 @@ from mocapclean.cli.stages import stages_shown
 @click.argument("places", nargs=-1, required=True, type=FILE, metavar="FILES_OR_FOLDERS...")
 @click.option("--junit", "junit_file", type=FILE, help="Write JUnit XML: a suite per folder, a case per take.")
 @click.option("--json", "json_file", type=FILE, help="Write all verdicts, measures and findings as JSON.")
-@click.option("--overwrite/--no-overwrite", default=None, help="Replace these two files if they exist.")
+@click.option("--html", type=FILE, help="Write a page with pictures of all takes, for any browser.")
+@click.option("--overwrite/--no-overwrite", default=None, help="Replace these files if they exist.")
 @click.option("-q", "--quiet/--no-quiet", default=None, help="Print only failing takes, and the totals.")
 @click.option("-v", "--verbose/--no-verbose", default=None, help="Print every exceeded limit, and what to do.")
 @working

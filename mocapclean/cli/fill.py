@@ -35,6 +35,7 @@ from mocapclean.cli.stages import stages_shown
 )
 @click.option("--reference", type=FILE, help="The true take; adds the RMSE of the filled samples to the report.")
 @click.option("--report", type=FILE, help="One JSON report for all takes (default: one beside each output).")
+@click.option("--html", type=FILE, help="Also write a page with pictures of all takes, for any browser.")
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @click.option("-q", "--quiet/--no-quiet", default=None, help="Print errors only.")

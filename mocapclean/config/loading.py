@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 _MAX_VALUES = 10_000
 """Most values in a configuration, aliases expanded; chosen by hand, over ten times the number of keys."""
 
-_PATH_KEYS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report", "sidecar")
+_PATH_KEYS = ("skeleton", "dictionary", "gaps", "reference", "output", "out_dir", "report", "html", "sidecar")
 
 
 def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence[str] = ()) -> Settings:

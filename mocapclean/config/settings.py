@@ -16,7 +16,18 @@ from mocapclean.units import MILLIMETRES
 
 DEFAULT_METHOD = "kriging"
 _NO_EFFECT_ON_REPAIR = {
-    *("output", "out_dir", "sidecar", "overwrite", "report", "include_files", "exclude_files", "quiet", "verbose"),
+    *(
+        "output",
+        "out_dir",
+        "sidecar",
+        "overwrite",
+        "report",
+        "html",
+        "include_files",
+        "exclude_files",
+        "quiet",
+        "verbose",
+    ),
     *("workers", "timeout", "memory", "scheduler"),
 }
 """Options that choose takes, places and resources. The repaired samples do not depend on them."""
@@ -160,6 +171,8 @@ class Settings:
     """Arrays as .npz: a file for one input, or a folder."""
     overwrite: bool = False
     """Replace existing outputs."""
+    html: Path | None = None
+    """A page with pictures of all takes, to open in a browser."""
     report: bool | Path = True
     """Beside each output; or one file for all takes; or false."""
     workers: AtLeastOne | Literal["auto"] = "auto"

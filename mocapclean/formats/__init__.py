@@ -16,7 +16,7 @@ from mocapclean.formats.declarations import ASF_SUFFIX, DECLARATIONS
 from mocapclean.formats.skeleton_files import find_skeleton, new_skeleton_path
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.registry import Modules
-from mocapclean.take import ReadOptions, Take
+from mocapclean.take import Event, ReadOptions, Take
 
 FORMATS: Modules[Format] = Modules(__name__, DECLARATIONS)
 
@@ -101,6 +101,15 @@ def carried(take: Take) -> tuple[str, ...]:
         return ()
     names: tuple[str, ...] = take.origin.document.carried
     return names
+
+
+def events(take: Take) -> tuple[Event, ...]:
+    """Return the events that a take's file states, such as foot strikes."""
+    if take.origin is None or not DECLARATIONS[take.origin.format].states_events:
+        return ()
+    from mocapclean.formats import c3d  # it has read the take already
+
+    return c3d.events(take)
 
 
 def outdated(take: Take) -> tuple[str, ...]:

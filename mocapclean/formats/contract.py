@@ -16,6 +16,7 @@ class Declaration:
     stores: the numbers of a frame, positions of the columns or channels of the skeleton (poses).
     marks_missing: whether the format has a mark for a missing sample, which ``invalidate`` sets.
     lists_points: whether files may hold points that are no markers, which ``ReadOptions.points`` selects by name.
+    states_events: whether files may state events, such as foot strikes.
     skeleton_suffix: the ending of the separate file that holds the skeleton, None where no such file is needed.
     default_rate: Hz, assumed where no rate is given; None where the files state their rate.
     default_unit: millimetres per unit of length, assumed where no unit is given; None where the files state it.
@@ -26,6 +27,7 @@ class Declaration:
     stores: Literal["positions", "poses"]
     marks_missing: bool
     lists_points: bool = False
+    states_events: bool = False
     skeleton_suffix: str | None = None
     default_rate: float | None = None
     default_unit: float | None = None

@@ -11,7 +11,12 @@ CENTIMETRE = 10.0
 
 DECLARATIONS: dict[str, Declaration] = {
     "c3d": Declaration(
-        suffixes=(".c3d",), columns="markers", stores="positions", marks_missing=True, lists_points=True
+        suffixes=(".c3d",),
+        columns="markers",
+        stores="positions",
+        marks_missing=True,
+        lists_points=True,
+        states_events=True,
     ),
     "bvh": Declaration(
         suffixes=(".bvh",), columns="joints", stores="poses", marks_missing=False, default_unit=CENTIMETRE

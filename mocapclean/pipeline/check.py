@@ -1,6 +1,6 @@
 """Check one take (gaps, distrusted samples, bones, rate) against the limits in the settings; nothing is written."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
@@ -13,11 +13,13 @@ from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, T
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.choose import checked_before_filling
-from mocapclean.pipeline.outcome import Breach, Verdict
+from mocapclean.pipeline.outcome import Breach, Outcome, Verdict
 from mocapclean.pipeline.prepare import prepare
-from mocapclean.pipeline.summary import bone_reports
+from mocapclean.pipeline.summary import bone_reports, summarise
+from mocapclean.pipeline.view import Keep, View, view
 from mocapclean.take import Take
 from mocapclean.take.names import matching_columns
+from mocapclean.take.status import detected
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,21 @@ class CheckTake:
     """Check takes against the limits of ``settings.check``; callable by a pool of workers."""
 
     settings: Settings
+    keep: Callable[[Verdict, View | None], None] | None = None
+    """Called with each verdict and, unless the file cannot be read, the view of its take."""
 
     def __call__(self, job: Path) -> Verdict:
         """Return the verdict on a take. A file that cannot be read is a breach, not an exception."""
+        views: list[View] = []
+        verdict = self._verdict(job, views.append if self.keep else None)
+        if self.keep:
+            self.keep(verdict, views[0] if views else None)
+        return verdict
+
+    def _verdict(self, job: Path, keep: Keep | None) -> Verdict:
         started = perf_counter()
         try:
-            verdict = _check(job, self.settings)
+            verdict = _check(job, self.settings, keep)
         except MocapcleanError as error:
             advice = "correct what the message names, or export the take again"
             verdict = unchecked(job, "readable", str(error), advice)
@@ -45,9 +56,15 @@ def unchecked(source: Path, limit: str, message: str, advice: str) -> Verdict:
     return Verdict(source=source, breaches=(Breach(limit=limit, message=message, advice=advice),))
 
 
-def _check(source: Path, settings: Settings) -> Verdict:
+def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
     """Return the verdict on a take; raises what reading and detection raise."""
-    take = prepare(source, settings).selected
+    prepared = prepare(source, settings)
+    take = prepared.selected
+    inspected: Outcome | None = None
+    if keep is not None:
+        codes = detected(take)
+        keep(view(prepared.whole, take, prepared.whole, take, codes, None))
+        inspected = replace(summarise(take, take, codes, settings), source=source, status="inspected")
     limits = settings.check
     missing = take.distrusted_by("missing") | take.distrusted_by("user")
     _, bones, _ = bone_reports(take, take)
@@ -81,6 +98,7 @@ def _check(source: Path, settings: Settings) -> Verdict:
         measures=measures,
         breaches=tuple(breaches),
         findings=take.findings,
+        inspected=inspected and replace(inspected, format=prepared.format),
     )
 
 

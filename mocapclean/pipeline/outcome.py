@@ -66,26 +66,6 @@ class Breach:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Verdict:
-    """The result of a check: the measured value for each limit, and the limits that the take breaks."""
-
-    source: Path
-    breaches: tuple[Breach, ...] = ()
-    seconds: float = 0.0
-    format: str = ""
-    n_frames: int = 0
-    n_markers: int = 0
-    first_frame: int = 1
-    measures: Mapping[str, float] = field(default_factory=dict)
-    findings: tuple[Finding, ...] = ()
-
-    @property
-    def passes(self) -> bool:
-        """Whether all limits are kept."""
-        return not self.breaches
-
-
-@dataclass(frozen=True, kw_only=True)
 class BoneReport:
     """One bone before and after the repair; reference is its known length or the take's median, mm."""
 
@@ -160,3 +140,27 @@ class Outcome:
     bones_from: str = ""
     bones: tuple[BoneReport, ...] = ()
     skeleton_rmse: tuple[float | None, float | None] = (None, None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """The result of a check: the measured value for each limit, and the limits that the take breaks.
+
+    inspected: counts, gaps and bones of the take, where a page is made of it.
+    """
+
+    source: Path
+    breaches: tuple[Breach, ...] = ()
+    seconds: float = 0.0
+    format: str = ""
+    n_frames: int = 0
+    n_markers: int = 0
+    first_frame: int = 1
+    measures: Mapping[str, float] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    inspected: Outcome | None = None
+
+    @property
+    def passes(self) -> bool:
+        """Whether all limits are kept."""
+        return not self.breaches

@@ -24,6 +24,7 @@ from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
 from mocapclean.pipeline.summary import summarise, with_accuracy
+from mocapclean.pipeline.view import Keep, view
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
 from mocapclean.take.status import Codes, Status, decide, detected, supplied, supply, undecided, withdraw
@@ -32,14 +33,16 @@ _WRITER_REASONS = {"fit": Status.NO_POSE, "write": Status.STORED_AS_MISSING}
 """What the finding of a writer, by its rule, means for samples that it could not write."""
 
 
-def repair(source: Path, output: Path, settings: Settings, arrays: Path | None = None) -> Outcome:
+def repair(
+    source: Path, output: Path, settings: Settings, arrays: Path | None = None, keep: Keep | None = None
+) -> Outcome:
     """Repair one file into another. Whatever goes wrong with this take is an Outcome, not an exception.
 
-    arrays: where the sidecar goes, or None for no sidecar.
+    arrays: where the sidecar goes, or None for no sidecar. keep: called with the view of the repaired take.
     """
     started = perf_counter()
     try:
-        outcome = _repair(source, output, settings, arrays)
+        outcome = _repair(source, output, settings, arrays, keep)
     except MocapcleanError as error:
         outcome = Outcome(source=source, status="failed", error=str(error), exit_code=error.exit_code)
     except MemoryError:
@@ -48,7 +51,7 @@ def repair(source: Path, output: Path, settings: Settings, arrays: Path | None =
     return replace(outcome, seconds=perf_counter() - started)
 
 
-def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None) -> Outcome:
+def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None, keep: Keep | None) -> Outcome:
     check_output(output, source, settings.overwrite)
     prepared = prepare(source, settings)
     selected = prepared.selected
@@ -85,6 +88,8 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None)
         outcome = summarise(selected, after, codes, settings, sd)
         if truth is not None:
             outcome = with_accuracy(outcome, after, truth)
+        if keep is not None:
+            keep(view(prepared.whole, selected, written, after, codes, sd, invalidated=settings.invalidate))
         return replace(
             outcome,
             source=source,

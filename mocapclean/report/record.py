@@ -52,24 +52,26 @@ def _head(config: Mapping[str, Any]) -> dict[str, Any]:
 
 def checked(verdicts: Sequence[Verdict], config: Mapping[str, Any]) -> str:
     """Return the result of ``check`` as JSON: versions, configuration, breaches and findings of every take, totals."""
-    takes = [
-        {
-            "source": str(verdict.source),
-            "passes": verdict.passes,
-            "seconds": round(verdict.seconds, 3),
-            "format": verdict.format,
-            "frames": verdict.n_frames,
-            "first_frame": verdict.first_frame,
-            "markers": verdict.n_markers,
-            "measures": plain(verdict.measures),
-            "breaches": plain(verdict.breaches),
-            "findings": [_finding(finding, verdict.first_frame) for finding in verdict.findings],
-        }
-        for verdict in verdicts
-    ]
+    takes = [verdict_row(verdict) for verdict in verdicts]
     passed = sum(verdict.passes for verdict in verdicts)
     totals = {"takes": len(verdicts), "passed": passed, "failed": len(verdicts) - passed}
     return _json({**_head(config), "takes": takes, "totals": totals}) + "\n"
+
+
+def verdict_row(verdict: Verdict) -> dict[str, Any]:
+    """Return the row of one checked take."""
+    return {
+        "source": str(verdict.source),
+        "passes": verdict.passes,
+        "seconds": round(verdict.seconds, 3),
+        "format": verdict.format,
+        "frames": verdict.n_frames,
+        "first_frame": verdict.first_frame,
+        "markers": verdict.n_markers,
+        "measures": plain(verdict.measures),
+        "breaches": plain(verdict.breaches),
+        "findings": [_finding(finding, verdict.first_frame) for finding in verdict.findings],
+    }
 
 
 def write(path: Path, rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> None:

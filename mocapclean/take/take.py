@@ -6,6 +6,7 @@ program are indices from 0 and spans are half open; reports add ``Take.first_fra
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +40,18 @@ class Finding:
     frames: tuple[int, int] | None = None
     advice: str = ""
     suspicion: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Event:
+    """A named moment of a take, such as a foot strike, as the file states it.
+
+    label: what happens. context: whose it is, such as "Left", or "". frame: index from 0, a fraction between frames.
+    """
+
+    label: str
+    context: str
+    frame: float
 
 
 @dataclass(frozen=True)
@@ -195,6 +208,27 @@ class Take:
     def numbers(self, start: int, stop: int) -> tuple[int, int]:
         """Return the first and last frame numbers of the file, inclusive, for a half-open span of indices."""
         return start + self.first_frame, stop - 1 + self.first_frame
+
+    def plot(self) -> Any:
+        """Return the map of the samples as a matplotlib figure (extra ``plots``)."""
+        return _notebook().plot(self)
+
+    def plot_gap(self, marker: str, frame: int) -> Any:
+        """Return the curves of a marker around its gap at a frame of the file, as a matplotlib figure.
+
+        A gap that is not filled is filled by the default method for the figure alone.
+        """
+        return _notebook().plot_gap(self, marker, frame)
+
+    def _repr_html_(self) -> str:
+        """Return a small map of the samples, which notebooks show."""
+        html: str = _notebook().html(self)
+        return html
+
+
+def _notebook() -> Any:
+    """Return the module that draws takes; it is above this package, so that it is imported when it is asked for."""
+    return import_module("mocapclean.report.notebook")
 
 
 @dataclass(frozen=True, kw_only=True)

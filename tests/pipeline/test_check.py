@@ -161,7 +161,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
         return "told"
 
     monkeypatch.setattr("mocapclean.cli.work.check.verdict", interrupt)
-    code, out, err = run(takes, "--junit", tmp_path / "check.xml")
+    code, out, err = run(takes, "--workers", "1", "--junit", tmp_path / "check.xml")
     assert code == 130
     assert "takes pass" not in out
     assert re.search("Interrupted after [12] of 4 takes. No file was written", err)

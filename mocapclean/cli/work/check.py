@@ -1,6 +1,7 @@
 """The work of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
 
 import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +14,10 @@ from mocapclean.cli.work.arguments import resolve_settings
 from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
-from mocapclean.files import check_output, new_file
+from mocapclean.files import check_output, make_folder, new_file
 from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
+from mocapclean.pipeline.view import View
 from mocapclean.report.record import checked
 from mocapclean.report.text import verdict
 
@@ -31,14 +33,16 @@ def work(
     """Check takes against limits, print the verdicts and write them; return the exit code."""
     settings = resolve_settings(config, assignments, options)
     takes = _takes(places)
-    _check_outputs(
-        [path for path in (junit_file, json_file) if path], [*takes, *([config] if config else [])], settings
-    )
+    written = [path for path in (junit_file, json_file, settings.html) if path]
+    _check_outputs(written, [*takes, *([config] if config else [])], settings)
+    page = _Page(settings.html, takes) if settings.html else None
     verdicts = dict[Path, Verdict]()
     with stopping() as stop:
         limits = worker_limits(settings, alone=len(takes) == 1)
         one_take_alone(len(takes), limits, quiet=settings.quiet)
-        results: JobResults[Path, Verdict] = run(CheckTake(settings), takes, limits, stop)
+        results: JobResults[Path, Verdict] = run(
+            CheckTake(settings, page.keep() if page else None), takes, limits, stop
+        )
         with contextlib.closing(results):
             _print_verdicts(results, verdicts, settings, len(takes))
     if stop.signal:
@@ -46,6 +50,8 @@ def work(
         return 128 + stop.signal
     in_order = [verdicts[take] for take in takes]
     _write_files(in_order, junit_file, json_file, settings)
+    if page:
+        page.write(in_order)
     n_failed = sum(not each.passes for each in in_order)
     click.echo(f"{len(in_order) - n_failed} of {len(in_order)} takes pass")
     return int(n_failed > 0)
@@ -68,8 +74,41 @@ def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) 
         for source in inputs:
             check_output(path, source, True)
         check_output(path, None, settings.overwrite)
-    if len(outputs) == 2 and outputs[0] == outputs[1]:
-        raise UsageError(f"{outputs[0]}: --junit and --json must be different files.")
+    if len(set(outputs)) < len(outputs):
+        raise UsageError(f"{outputs[0]}: --junit, --json and --html must be different files.")
+
+
+class _Page:
+    """The page of a check, with the data of its takes."""
+
+    def __init__(self, path: Path, takes: list[Path]) -> None:
+        from mocapclean.report.page.building import require_library
+        from mocapclean.report.page.places import data_file
+
+        require_library()
+        self.path = path
+        self.files = {take: data_file(path, str(take)) for take in takes}
+
+    def keep(self) -> Callable[[Verdict, View | None], None]:
+        """Return what a worker does with a checked take."""
+        from mocapclean.report.page.checking import KeepChecked
+        from mocapclean.report.page.places import data_folder
+
+        make_folder(data_folder(self.path))
+        return KeepChecked(self.files)
+
+    def write(self, verdicts: list[Verdict]) -> None:
+        """Write the page of all verdicts."""
+        from mocapclean.report.page.building import PageTake, write_page
+        from mocapclean.report.page.checking import checked_row
+        from mocapclean.report.page.places import MOST_EMBEDDED, remove_data
+
+        embed = len(verdicts) <= MOST_EMBEDDED
+        files = {verdict.source: path for verdict in verdicts if (path := self.files[verdict.source]).exists()}
+        takes = (PageTake(row=checked_row(verdict), data=files.get(verdict.source)) for verdict in verdicts)
+        write_page(self.path, takes, embed=embed)
+        if embed:
+            remove_data(self.path, list(files.values()))
 
 
 def _print_verdicts(

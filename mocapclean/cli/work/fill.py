@@ -18,7 +18,7 @@ from mocapclean.cli.guard import INTERRUPTED, complain
 from mocapclean.cli.work.arguments import resolve_settings
 from mocapclean.cli.work.batching import TakeBar, one_take_alone, select_inputs, stopping, worker_limits
 from mocapclean.config.settings import Settings
-from mocapclean.errors import MocapcleanError, UsageError
+from mocapclean.errors import MocapcleanError, UsageError, printable
 from mocapclean.files import new_file
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.report import record
@@ -49,6 +49,10 @@ def work(
     settings = resolve_settings(config, assignments, options)
     if (resume or shard) and not settings.out_dir:
         raise UsageError("--resume and --shard need --out-dir.")
+    if settings.html:
+        from mocapclean.report.page.building import require_library
+
+        require_library()
     if settings.scheduler:
         settings = settings.absolute()
     inputs = select_inputs(files, files_from, null, relative_to, settings)
@@ -60,6 +64,10 @@ def work(
         with contextlib.closing(_begin(jobs, journal, settings, stop)) as results:
             n_earlier = _collect(results, jobs, journal, settings, as_json)
         code = _conclude(jobs, journal, settings, as_json, n_earlier)
+        if settings.html:
+            _write_html(
+                settings.html, jobs, journal, in_one_file=not (resume or shard), quiet=settings.quiet or as_json
+            )
     if journal.fault:
         complain(f"{journal.fault} The report is complete, but --resume will repeat some takes.")
     if stop.signal:
@@ -151,6 +159,28 @@ def _row(job: RepairJob, journal: Journal) -> Mapping[str, Any]:
         return record.row(Outcome(source=job.source, status="skipped", error=error, exit_code=1))
     paths = {"output": job.output, "sidecar": job.sidecar}
     return {**row, "source": str(job.source), **{name: row[name] and str(path) for name, path in paths.items()}}
+
+
+def _write_html(page: Path, jobs: list[RepairJob], journal: Journal, *, in_one_file: bool, quiet: bool) -> None:
+    """Write the page of the run. in_one_file: whether the data of few takes go into it, so that none lie beside it."""
+    from mocapclean.report.page.building import PageTake, write_page
+    from mocapclean.report.page.places import MOST_EMBEDDED, remove_data
+
+    journal.begin(report_name(page))
+    embed = in_one_file and len(jobs) <= MOST_EMBEDDED
+    takes = [(_row(job, journal), job.page) for job in jobs]
+    write_page(
+        page,
+        (
+            PageTake(row=row, data=path if path and path.exists() and row["status"] != "failed" else None)
+            for row, path in takes
+        ),
+        embed=embed,
+    )
+    if embed:
+        remove_data(page, [path for _, path in takes if path])
+    if not quiet:
+        click.echo(printable(f"page in {page}"))
 
 
 def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_json: bool, n_earlier: int) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats.c3d.document import RESIDUAL, WORDS_PER_POINT, C3dDocument
+from mocapclean.formats.c3d.events import events
 from mocapclean.formats.c3d.header import BLOCK, MAGIC, MOST_COUNT, halves, read_header
 from mocapclean.formats.c3d.layout import find_layout
 from mocapclean.formats.c3d.outdated import outdated
@@ -21,7 +22,7 @@ from mocapclean.formats.c3d.selection import as_columns, select_markers
 from mocapclean.formats.c3d.words import INTEL, Words
 from mocapclean.take import Origin, ReadOptions, Take
 
-__all__ = ["C3dDocument", "create", "outdated", "prove", "read", "sniff", "write"]
+__all__ = ["C3dDocument", "create", "events", "outdated", "prove", "read", "sniff", "write"]
 
 MOST_NAME_BYTES = 255
 """The longest label: the length of a parameter's text is one byte."""
