@@ -22,7 +22,9 @@ _GAP_WINDOW_SECONDS = 1.0  # s, time on each side of a gap of both markers that 
 _FEWEST_SEEN = 5  # frames of such a window in which two markers must be seen
 _LEAST_CHANGE = 15.0  # mm, mean change of the distances over a gap from which on an exchange is considered
 _LEAST_ERROR = 1e-9  # mm, keeps paths without any error from a division by 0
-_AT_ONCE = 2**20  # numbers of distances that are compared at once; bounds the memory
+_SCREEN_FRAMES = 30  # frames of such a window that show which pairs may fit; chosen for speed
+_SCREEN_SLACK = 3.0  # factor of the limits for these few frames; with 2, one of 551 exchanges over gaps was missed
+_AT_ONCE = 2**18  # numbers of distances that are compared at once; bounds the memory
 _TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation
 
 
@@ -105,20 +107,16 @@ def _changes_over_gaps(positions: Floats, window: int) -> list[tuple[tuple[int, 
     are exchanged. They are medians over ``window`` frames on each side.
     """
     pairs = _common_gaps(np.isfinite(positions[..., 0]))
-    if not len(pairs):
-        return []
-    first, second, start, stop = pairs.T
-    # The windows of all pairs: two markers, before and after the gap. Many are the same.
-    ends = (np.maximum(start - window, 0), start), (stop, np.minimum(stop + window, len(positions)))
-    of_pairs = np.stack([np.stack([marker, *end], axis=1) for end in ends for marker in (first, second)])
-    windows, place = np.unique(of_pairs.reshape(-1, 3), axis=0, return_inverse=True)
-    medians, spreads = _usual_distances(positions, windows)
-    place, size = place.reshape(2, 2, -1), max(1, _AT_ONCE // len(medians[0]))
-    fits = [
-        _exchange_fits(medians[place[..., chunk]], spreads[place[..., chunk]], first[chunk], second[chunk])
-        for chunk in (slice(low, low + size) for low in range(0, len(pairs), size))
-    ]
-    return [((int(a), int(b)), int(frame)) for a, b, _, frame in pairs[np.concatenate(fits)]]
+    start, stop = pairs[:, 2], pairs[:, 3]
+    windows = np.stack([np.maximum(start - window, 0), start, stop, np.minimum(stop + window, len(positions))], axis=1)
+    every = window // _SCREEN_FRAMES
+    if every > 1:
+        # Most pairs do not fit by far: a few frames show that, unless a window is short.
+        short = (2 * (windows[:, 1::2] - windows[:, ::2]) < window).any(axis=1)
+        rough = _exchange_fits(positions[::every], pairs[:, :2], -(-windows // every), slack=_SCREEN_SLACK)
+        pairs, windows = pairs[short | rough], windows[short | rough]
+    fits = _exchange_fits(positions, pairs[:, :2], windows)
+    return [((int(a), int(b)), int(frame)) for a, b, _, frame in pairs[fits]]
 
 
 def _common_gaps(seen: Bools) -> Ints:
@@ -139,47 +137,64 @@ def _common_gaps(seen: Bools) -> Ints:
     return np.unique(np.concatenate([markers, span], axis=1), axis=0)
 
 
-def _usual_distances(positions: Floats, windows: Ints) -> tuple[Floats, Floats]:
+def _exchange_fits(positions: Floats, pairs: Ints, windows: Ints, slack: float = 1.0) -> Bools:
+    """Whether (n,) the distances of two markers after a gap fit those before only if they carry each other's label.
+
+    pairs: (n, 2), the markers. windows: (n, 4), start and stop of the frames before and after the gap. slack: by which
+    the limits are widened; if it is not 1, a distance counts that is seen in any frame.
+    """
+    if not len(pairs):
+        return np.zeros(0, dtype=bool)
+    # The windows of both markers, before and after the gap. Many are those of several pairs.
+    of_pairs = [np.stack([marker, *end], axis=1) for end in (windows.T[:2], windows.T[2:]) for marker in pairs.T]
+    unique, place = np.unique(np.concatenate(of_pairs), axis=0, return_inverse=True)
+    medians, spreads = _usual_distances(positions, unique, _FEWEST_SEEN if slack == 1.0 else 1)
+    place, size = place.reshape(2, 2, -1), max(1, _AT_ONCE // len(medians[0]))
+    chunks = (slice(low, low + size) for low in range(0, len(pairs), size))
+    errors = [_errors_of_labels(medians, spreads, place[..., chunk], pairs[chunk]) for chunk in chunks]
+    as_labelled, exchanged = np.concatenate(errors, axis=1)
+    return np.asarray((slack * as_labelled >= _LEAST_CHANGE) & (exchanged < slack * _MOST_ERROR * as_labelled))
+
+
+def _usual_distances(positions: Floats, windows: Ints, fewest: int) -> tuple[Floats, Floats]:
     """Return the medians and robust SDs (w, M), mm, of the distances of a marker to all others in windows (w, 3).
 
-    windows: the marker, and the frames (start, stop), in the order of the markers. The median is NaN where both are
-    seen in fewer than 5 frames.
+    windows: the marker, and the frames (start, stop). The median is NaN where both are seen in too few frames.
     """
     paths = np.ascontiguousarray(positions.transpose(2, 1, 0))
     medians, spreads = np.full((2, len(windows), paths.shape[1]), np.nan)
     length = windows[:, 2] - windows[:, 1]
-    for marker, size in np.unique(np.stack([windows[:, 0], length], axis=1), axis=0).tolist():
-        equal = np.flatnonzero((windows[:, 0] == marker) & (length == size))
+    for size in np.unique(length[length > 0]).tolist():
+        equal = np.flatnonzero(length == size)
         n_at_once = max(1, _AT_ONCE // (size * paths.shape[1]))
         for few in (equal[low : low + n_at_once] for low in range(0, len(equal), n_at_once)):
             frames = windows[few, 1][:, None] + np.arange(size)
-            offsets = paths[:, :, frames] - paths[:, marker, None][:, :, frames]
+            offsets = paths[:, :, frames] - paths[:, windows[few, 0, None], frames][:, None]
             distances = np.sqrt(np.einsum("cmwf,cmwf->wmf", offsets, offsets))
-            often = np.isfinite(distances).sum(axis=2) >= _FEWEST_SEEN
+            often = np.isfinite(distances).sum(axis=2) >= fewest
             medians[few] = np.where(often, nan_median(distances, axis=2), np.nan)
             spreads[few] = _TO_SD * nan_median(np.abs(distances - medians[few][..., None]), axis=2)
     return medians, spreads
 
 
-def _exchange_fits(medians: Floats, spreads: Floats, first: Ints, second: Ints) -> Bools:
-    """Whether (n,) the distances of two markers after a gap fit those before only if they carry each other's label.
+def _errors_of_labels(medians: Floats, spreads: Floats, place: Ints, pairs: Ints) -> Floats:
+    """Return the mean changes (2, n), mm, of the distances of pairs (n, 2) over a gap: as labelled, and exchanged.
 
-    medians, spreads: (2, 2, n, M) mm, of the distances before and after the gap, of the first (n,) and second marker.
+    They are over the five most rigid others, and 0 where there are none. medians, spreads: (w, M) mm, of distances.
+    place: (2, 2, n), their rows before and after the gap, for the first marker and the second.
     """
-    each = np.arange(len(first))
     # The spread of a distance, over both markers and both sides of the gap; NaN where one of them is unknown.
-    spread = spreads.sum(axis=(0, 1))
-    spread[each, first] = spread[each, second] = np.nan
+    spread = spreads[place].sum(axis=(0, 1))
+    np.put_along_axis(spread, pairs, np.nan, axis=1)
     closest = np.argsort(spread, axis=1)[:, :_CLOSEST_PARTNERS]
     spread = np.take_along_axis(spread, closest, axis=1)
     known = np.isfinite(spread)
-    old, new = np.where(known, np.take_along_axis(medians, closest[None, None], axis=3), 0.0)
+    old, new = np.where(known, medians[place[..., None], closest], 0.0)
     weight = np.where(known, 1.0 / (spread + _DISTANCE_SLACK), 0.0)
     total = np.maximum(weight.sum(axis=1), np.finfo(float).tiny)
-    as_labelled, exchanged = (
-        (np.abs(order - old).mean(axis=0) * weight).sum(axis=1) / total for order in (new, new[::-1])
+    return np.stack(
+        [(np.abs(order - old).mean(axis=0) * weight).sum(axis=1) / total for order in (new, new[::-1])],
     )
-    return np.asarray((as_labelled >= _LEAST_CHANGE) & (exchanged < _MOST_ERROR * as_labelled))
 
 
 def _prediction_errors(paths: Floats, frame: int) -> Floats:
