@@ -13,6 +13,7 @@ def drawn_bar(**options: Any) -> Any:
     """Return a bar of tqdm on standard error, which is a terminal; 80 by 24 where it does not tell its size."""
     from tqdm import tqdm  # needed on terminals alone
 
+    tqdm.monitor_interval = 0  # without a thread of its own, so that a take can be shared among forked processes
     size = os.get_terminal_size(sys.stderr.fileno())
     return tqdm(ncols=size.columns or 80, nrows=size.lines or 24, **options)
 
