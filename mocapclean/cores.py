@@ -3,6 +3,7 @@
 The parts do not depend on the number of cores, so that the results do not depend on it either.
 """
 
+import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -49,9 +50,18 @@ def in_parts(function: Callable[[Part], Result], parts: Sequence[Part]) -> Itera
     from concurrent.futures.process import BrokenProcessPool
 
     context = multiprocessing.get_context(_START)
+    others = multiprocessing.active_children()
     try:
         with ProcessPoolExecutor(workers, context, _begin, (function,)) as pool:
-            yield from pool.map(_call, parts)
+            try:
+                yield from pool.map(_call, parts)
+            except BaseException:
+                # Nobody waits for the parts that still run. A pool whose end is interrupted by a second signal would
+                # wait for its processes for ever, so that they are ended first.
+                for process in multiprocessing.active_children():
+                    if process not in others:
+                        process.kill()
+                raise
     except BrokenProcessPool:
         message = "a process that worked on a part of the take was ended, as the system does when memory runs out."
         raise WorkerError(f"{message} --workers 1 needs less.") from None
@@ -60,11 +70,23 @@ def in_parts(function: Callable[[Part], Result], parts: Sequence[Part]) -> Itera
 def _begin(function: Callable[[Any], Any]) -> None:
     """Take the function that a worker process is started for. Signals are for the main process."""
     import signal
+    import threading
 
     global _function, _cores
     _function, _cores = function, 1
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this worker process as soon as the main process has ended, even where that was killed."""
+    import multiprocessing
+
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
 
 
 def _call(part: Any) -> Any:

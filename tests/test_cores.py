@@ -2,8 +2,11 @@
 
 import os
 import signal
+import subprocess
 import sys
+import time
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -81,3 +84,56 @@ def test_a_fill_has_the_same_bytes_on_any_number_of_cores(start, monkeypatch):
     assert alone.filled.any()
     for field in ("positions", "filled", "sd"):
         assert getattr(alone, field).tobytes() == getattr(shared, field).tobytes()
+
+
+ENDLESS = """
+import multiprocessing, sys, time
+from mocapclean import cores
+if __name__ == "__main__":
+    with cores.sharing(2):
+        try:
+            for part in cores.in_parts(time.sleep, [0, 0, *[600] * 8]):
+                print(*(child.pid for child in multiprocessing.active_children()), flush=True)
+        except KeyboardInterrupt:
+            sys.exit(130)
+"""
+
+
+def runs(pid: int) -> bool:
+    """Return whether a process still works: it exists, and is no zombie that nobody has waited for."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are looked up in /proc")
+@pytest.mark.parametrize(
+    ("signals", "codes"),
+    [
+        ((signal.SIGINT,), {130}),
+        ((signal.SIGINT, signal.SIGINT), {130, -signal.SIGINT, 1}),
+        ((signal.SIGKILL,), {-signal.SIGKILL}),
+    ],
+    ids=["one", "two", "killed"],
+)
+def test_a_signal_ends_the_work_at_once_and_leaves_no_process(signals, codes):
+    command = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n" + ENDLESS
+    with subprocess.Popen([sys.executable, "-c", command], stdout=subprocess.PIPE, start_new_session=True) as process:
+        assert process.stdout
+        children = [int(word) for word in process.stdout.readline().split()]
+        assert len(children) == 2
+        time.sleep(0.5)  # both parts without an end have begun
+        for number in signals:
+            os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
+            time.sleep(0.1)
+        try:
+            assert process.wait(20) in codes
+            deadline = time.monotonic() + 10
+            while any(map(runs, children)) and time.monotonic() < deadline:
+                time.sleep(0.05)
+            assert not any(map(runs, children))
+        finally:
+            for pid in (process.pid, *children):
+                if runs(pid):
+                    os.kill(pid, signal.SIGKILL)
