@@ -129,7 +129,7 @@ class RidgeFit:
 def regress(sample: Sample) -> RidgeFit:
     """Return robust ridge regressions of targets on inputs, by iteratively reweighted fits."""
     n, weights = sample.n, sample.rows.weights
-    for _ in range(_N_FITS):
+    for index in range(_N_FITS):
         # XᵀWX, XᵀWY and YᵀWY of all columns less their means, from one product of √w (X, Y, 1) with itself.
         scaled = sample.values * np.sqrt(weights)[:, None]
         means, products = centred(scaled @ scaled.swapaxes(1, 2))
@@ -137,7 +137,8 @@ def regress(sample: Sample) -> RidgeFit:
         penalties = gcv_penalties(gram, moment, np.trace(products[:, n:, n:], axis1=1, axis2=2), sample.rows)
         slopes = ridge_slopes(gram, moment, penalties).swapaxes(1, 2)
         fit = RidgeFit(slopes, means[:, :n], means[:, n:], penalties / weights.sum(axis=1))
-        weights = sample.rows.robust_weights(sample.targets - fit.predict(sample.inputs))
+        if index < _N_FITS - 1:
+            weights = sample.rows.robust_weights(sample.targets - fit.predict(sample.inputs))
     return replace(
         fit, input_mean=fit.input_mean + sample.means[:, :n], target_mean=fit.target_mean + sample.means[:, n:]
     )

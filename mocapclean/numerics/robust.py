@@ -12,6 +12,9 @@ def nan_median(values: Floats, axis: int = 0) -> Floats:
     """
     # Sorting moves NaN to the end; the middle of the finite part is one entry or the mean of two.
     ordered = np.sort(values, axis=axis)
+    number = values.shape[axis]
+    if number and not np.isnan(ordered.take(-1, axis)).any():
+        return np.asarray((ordered.take((number - 1) // 2, axis) + ordered.take(number // 2, axis)) / 2.0)
     count = np.sum(~np.isnan(values), axis=axis, keepdims=True)
     low, high = np.maximum(count - 1, 0) // 2, np.minimum(count // 2, values.shape[axis] - 1)
     middle = np.take_along_axis(ordered, low, axis) + np.take_along_axis(ordered, high, axis)

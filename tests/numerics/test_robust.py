@@ -8,11 +8,12 @@ import pytest
 from mocapclean.numerics.robust import nan_median
 
 
+@pytest.mark.parametrize("missing", [0.0, 0.4])
 @pytest.mark.parametrize("axis", [0, 1])
 @pytest.mark.parametrize("shape", [(1, 1, 1), (4, 5, 3), (7, 6, 2)])
-def test_it_agrees_with_numpy(rng, shape, axis):
+def test_it_agrees_with_numpy(rng, shape, axis, missing):
     values = rng.normal(size=shape)
-    values[rng.random(shape) < 0.4] = np.nan
+    values[rng.random(shape) < missing] = np.nan
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
         expected = np.nanmedian(values, axis=axis)
