@@ -243,9 +243,9 @@ def test_an_input_that_changes_while_it_is_read_is_not_repaired(captures, monkey
     real = repairing.repair
     old = (captures / "a.c3d").read_bytes()
 
-    def slow(source, output, settings, sidecar):
+    def slow(source, *others):
         source.write_bytes(small(50))
-        return real(source, output, settings, sidecar)
+        return real(source, *others)
 
     monkeypatch.setattr(repairing, "repair", slow)
     done = Repair(Settings(method="linear"))(RepairJob(name="a", source=captures / "a.c3d", output=Path("out.c3d")))
