@@ -15,9 +15,11 @@ DIGEST_DIGITS = 12
 
 
 def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
-    """Raise UsageError when writing ``path`` would touch the input or an existing file without ``overwrite``."""
+    """Raise UsageError when writing ``path`` would touch the input, a folder, or a file without ``overwrite``."""
     if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
         raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")
+    if os.path.isdir(path):
+        raise UsageError(f"{path}: the output must be a file. It is a folder.")
     if os.path.lexists(path) and not overwrite:
         raise UsageError(f"{path}: the output exists already. Use --overwrite to replace it.")
 

@@ -378,3 +378,18 @@ def test_a_missing_library_is_named_before_anything_is_done(tmp_path, monkeypatc
     assert code == 2
     assert "extra: html" in error
     assert not (tmp_path / "page.html").exists()
+
+
+@pytest.mark.parametrize("command", ["fill", "check", "report"])
+def test_a_page_needs_the_name_of_a_file(tmp_path, monkeypatch, command):
+    pytest.importorskip("bokeh", reason="bokeh is not installed (extra html)")
+    store(tmp_path, "a.c3d")
+    monkeypatch.chdir(tmp_path)
+    assert run("fill", "a.c3d", "--method", "spline", "--no-self-check")[0] == 0
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    for place in (".", tmp_path, "/"):
+        source, option = ("a_filled.c3d.report.json", "-o") if command == "report" else ("a.c3d", "--html")
+        code, _, error = run(command, source, option, place, "--overwrite")
+        assert code == 2
+        assert "must be a file" in error
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before

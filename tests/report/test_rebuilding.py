@@ -74,3 +74,20 @@ def test_the_command_says_what_it_does_not_find(tmp_path):
     code, _, error = run("report", report, "-o", tmp_path / "other.html")
     assert code == 2
     assert "a report must be JSON" in error
+
+
+def test_a_page_is_written_over_no_take(tmp_path):
+    pytest.importorskip("bokeh", reason="bokeh is not installed (extra html)")
+    source, output, other = (tmp_path / name for name in ("walk.bvh", "filled.bvh", "elsewhere/other.bvh"))
+    other.parent.mkdir()
+    for path in (source, other):
+        path.write_bytes((SAMPLES / "walk.bvh").read_bytes())
+    options = ("--method", "linear", "--sidecar", tmp_path / "arrays.npz")
+    assert run("fill", source, "-o", output, *options)[0] == 0
+    report = tmp_path / "filled.bvh.report.json"
+    for victim in (source, output, other, tmp_path / "arrays.npz", report):
+        before = victim.read_bytes()
+        code, _, error = run("report", report, other.parent, "-o", victim, "--overwrite")
+        assert code == 2
+        assert "must not be the input" in error
+        assert victim.read_bytes() == before

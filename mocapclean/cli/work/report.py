@@ -1,7 +1,7 @@
 """The work of ``mocapclean report``: the page of a report, with pictures of the takes that are at hand."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,8 @@ def work(report: Path, takes: tuple[Path, ...], output: Path, overwrite: bool) -
     content = _load(report)
     files = _Files(report, takes)
     rows = content["takes"]
+    for source in files.of_rows(rows):
+        check_output(output, source, True)
     make_folder(data_folder(output))
     pages = [
         _page_take(row, content["config"], files, data_file(output, f"{i} {row['source']}"))
@@ -66,6 +68,14 @@ class _Files:
         for folder in filter(Path.is_dir, takes):
             for path in folder.rglob("*.npz"):
                 self.given.setdefault(path.name, []).append(path)
+
+    def of_rows(self, rows: Iterable[Mapping[str, Any]]) -> Iterator[Path]:
+        """Yield all files that a page of these rows could be written over: the given ones, and those of the report."""
+        for paths in self.given.values():
+            yield from paths
+        for row in rows:
+            for key in ("source", "output", "sidecar"):
+                yield from self.places(row.get(key))
 
     def places(self, name: str | None) -> Iterator[Path]:
         """Yield the places where a file of the report may be, the given ones first."""

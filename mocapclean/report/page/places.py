@@ -11,7 +11,7 @@ _NAME_DIGITS = 16  # hexadecimal digits of the name of a take's data
 
 def data_folder(page: Path) -> Path:
     """Return the folder beside a page for what does not stand in the page itself."""
-    return page.with_name(f"{page.stem}_files")
+    return page.parent / f"{page.stem}_files"
 
 
 def data_file(page: Path, name: str) -> Path:
