@@ -1,7 +1,7 @@
 """The declaration of parameters: which values a class refuses, and the symbol, unit and meaning of each for the user.
 
-pydantic checks the values. It is loaded with the first value that is given, because it takes longer to load than a
-small take to read; a class that keeps its defaults needs no check.
+pydantic checks the values. It is loaded with the first value that is given, because loading it takes longer than
+reading a small take. A class that keeps its defaults needs no check.
 """
 
 import copy
@@ -77,7 +77,7 @@ def parameters(declared: type[T]) -> type[T]:
 
 
 def but(params: T, **changes: Any) -> T:
-    """Return the same parameters but for some, whose values are known to be valid and are not checked."""
+    """Return a copy of parameters with changed values, which are known to be valid and are not checked."""
     changed = copy.copy(params)
     vars(changed).update(changes)
     return changed
@@ -85,7 +85,7 @@ def but(params: T, **changes: Any) -> T:
 
 @cache
 def checker(params: Any) -> "TypeAdapter[Any]":
-    """Return what checks the values of a class of parameters."""
+    """Return pydantic's validator of a class of parameters."""
     from pydantic import TypeAdapter
 
     return TypeAdapter(params)

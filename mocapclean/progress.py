@@ -1,4 +1,4 @@
-"""The stage that the work on a take has come to, for a listener such as a bar on a terminal.
+"""The current stage of the work on a take, for a listener such as a bar on a terminal.
 
 Without a listener, as in a library, a pipe or a worker process, the functions do nothing.
 """
@@ -27,7 +27,7 @@ _outer = ""
 
 
 def stage(name: str, total: int = 0) -> None:
-    """Begin a stage of the work, such as "filling", of ``total`` equal steps: gaps; 0 where they are not counted."""
+    """Begin a stage of the work, such as "filling", of ``total`` equal steps, such as gaps; 0 if not counted."""
     if _listener is not None:
         _listener.stage(_outer or name, total)
 
@@ -65,7 +65,7 @@ def within(name: str) -> Iterator[None]:
 
 @contextmanager
 def shown_by(listener: Listener | None) -> Iterator[None]:
-    """Let a listener hear of the stages inside the block."""
+    """Report the stages inside the block to a listener; None for none."""
     global _listener
     before, _listener = _listener, listener
     try:

@@ -10,7 +10,7 @@ M = TypeVar("M")
 class Modules(MutableMapping[str, M]):
     """The modules of a package by their names, in a fixed order.
 
-    A module that nobody asks for is never imported. Other objects can be entered under new names.
+    A module is imported at its first use. Other objects can be entered under new names.
     """
 
     def __init__(self, package: str, names: Iterable[str]) -> None:

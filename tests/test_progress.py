@@ -21,7 +21,7 @@ class Recorder:
 def test_without_a_listener_nothing_happens():
     progress.stage("filling", 3)
     progress.advance()
-    with progress.within("checking itself"):
+    with progress.within("self-check"):
         progress.stage("filling")
 
 
@@ -38,7 +38,7 @@ def test_a_listener_hears_of_stages_and_steps_inside_its_block_alone():
 
 def test_parts_of_a_stage_are_shown_under_its_name_until_it_ends():
     def check_itself():
-        with progress.within("checking itself"):
+        with progress.within("self-check"):
             progress.stage("filling", 2)
             with progress.within("detecting"):
                 progress.stage("filling", 5)
@@ -49,7 +49,7 @@ def test_parts_of_a_stage_are_shown_under_its_name_until_it_ends():
         with pytest.raises(ValueError, match="stop"):
             check_itself()
         progress.stage("filling", 4)
-    names = ["checking itself"] * 4 + ["filling"]
+    names = ["self-check"] * 4 + ["filling"]
     assert recorder.heard == list(zip(names, (0, 2, 0, 5, 4), strict=True))
 
 

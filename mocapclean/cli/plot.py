@@ -35,7 +35,7 @@ class _Frames(click.ParamType[tuple[int, int]]):
 def command(**options: Any) -> int:
     """Draw the map of the samples of FILES (.c3d, .bvh, .amc): what is missing, distrusted and suspicious, and when.
 
-    Several takes come on one sheet. With --marker or --bones one take is filled as 'mocapclean fill' would, in a
+    Several takes share one sheet. With --marker or --bones one take is filled as 'mocapclean fill' would, in a
     temporary folder, and its curves are drawn before and after.
     """
     with stages_shown(options):

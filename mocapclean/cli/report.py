@@ -1,4 +1,4 @@
-"""``mocapclean report``: the page of a report that exists already, with pictures of the takes that are at hand."""
+"""``mocapclean report``: the page of a report that exists already, with pictures of the takes whose files are found."""
 
 from typing import Any
 
@@ -17,8 +17,8 @@ from mocapclean.cli.options import FILE
 def command(**options: Any) -> int:
     """Write the page of REPORT, a JSON report of fill or check, for any browser.
 
-    TAKES are files and folders in which captures, repaired files and sidecars are looked for by name, where they are
-    not in the places that the report names. A take whose files are not found has its numbers in the page, without
+    Captures, repaired files and sidecars that are not in the places that the report names are looked for by name
+    among TAKES, which are files and folders. A take whose files are not found has its numbers in the page, without
     pictures.
     """
     from mocapclean.cli.work import report

@@ -10,7 +10,7 @@ from mocapclean import progress
 
 
 def drawn_bar(**options: Any) -> Any:
-    """Return a bar of tqdm on standard error, which is a terminal; 80 by 24 where it does not tell its size."""
+    """Return a bar of tqdm on standard error, which is a terminal; 80 by 24 where its size is unknown."""
     from tqdm import tqdm  # needed on terminals alone
 
     tqdm.monitor_interval = 0  # without a thread of its own, so that a take can be shared among forked processes

@@ -176,7 +176,7 @@ class Settings:
     report: bool | Path = True
     """Beside each output; or one file for all takes; or false."""
     workers: AtLeastOne | Literal["auto"] = "auto"
-    """Takes repaired at the same time; auto: one per processor."""
+    """Takes repaired at the same time, or cores for a single take; auto: all cores."""
     timeout: Positive | None = None
     """Seconds; a take that needs longer fails."""
     memory: Annotated[int, Field(gt=0), _Bytes()] | None = None
@@ -220,7 +220,7 @@ class Settings:
         return {name: plain(methods if name == "methods" else value) for name, value in self}
 
     def but(self, **changes: Any) -> "Settings":
-        """Return the same settings but for some options, whose values are known to be valid."""
+        """Return a copy with changed options, whose values are known to be valid."""
         return but(self, **changes)
 
     def absolute(self) -> "Settings":

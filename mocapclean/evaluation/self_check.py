@@ -49,7 +49,7 @@ class Params:
         0.05
     )
     gaps: Annotated[
-        int, Field(ge=1), About(symbol="n", text="gaps of mean length that hold the most samples to hide")
+        int, Field(ge=1), About(symbol="n", text="hide at most the samples of this many gaps of mean length")
     ] = 40
 
 

@@ -218,7 +218,7 @@ def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
-    with progress.within("checking itself"):
+    with progress.within("self-check"):
         checked = checked_before_filling(method, take, np.ones_like(take.trusted), settings, library)
     error = checked.total.error
     return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")

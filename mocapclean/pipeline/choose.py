@@ -46,7 +46,7 @@ def check_filled(
     """
     solve = solver(settings.method, settings, dictionary, solution)
     try:
-        with progress.within("checking itself"):
+        with progress.within("self-check"):
             return self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
     except SolverError as error:
         return SelfCheck(because=f"with more samples hidden the method fails: {error}")

@@ -9,7 +9,7 @@ Row = Mapping[str, Any]
 
 FIRST, SECOND, NONE = "look first", "look", "fine"
 LEVELS = (FIRST, SECOND, NONE)
-"""How much a take needs a person, the most first."""
+"""The levels, from the one that needs a person most."""
 
 _SENTENCES = 3  # most reasons of a take in words; chosen by hand, so that they are read
 _NAME = 40  # most characters of a name in a reason; chosen by hand

@@ -27,14 +27,14 @@ def run_method(
 ) -> Solution:
     """Return the answer of a registered method for a take.
 
-    A method that goes by other markers is run on the columns that are not detached. What it cannot fill is bridged over
+    A method that uses other markers is run on the columns that are not detached. What it cannot fill is bridged over
     time: short dropouts, in which nothing is seen, before it, and the gaps of detached columns, which it does not see.
 
     params: the method's ``Params``. wanted: (F, M) samples whose gaps need an answer, None for all; most methods fill
     the others as well. dictionary: for the methods that need one. begun: the answer of the method for the take with
     more samples trusted, from which a method that goes gap by gap begins; the others begin anew. Raises UsageError
-    where a dictionary is missing or does not fit the take, SolverError where the method has no answer, such as without
-    the bones that it needs.
+    where a dictionary is missing or does not fit the take. Raises SolverError where the method has no answer, such as
+    without the bones that it needs.
     """
     traits = SOLVERS[name].TRAITS
     if not traits.extrapolates or not (take.detached.any() or _has_dropouts(take)):

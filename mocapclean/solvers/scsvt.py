@@ -20,8 +20,8 @@ Where this departs from the print, and why:
   at 1.9 / λ or below; ``"accelerated"`` is the splitting of ``svt`` with the bones as bounds.
 - The printed stopping rule ignores the bones. ``"accelerated"`` goes on until none is too long by more than
   ``bone_tolerance``; ``"paper"`` stops as printed. The print tests Z before Z exists; here the test follows the update.
-- A ``tolerance`` below 2e-5 spreads of the take is reached by semismooth Newton steps in place of the splitting. It
-  then holds for the bones, too, and an iteration is an update of the multipliers.
+- A ``tolerance`` below 2e-5 spreads of the take is reached by semismooth Newton steps in place of the splitting.
+  It then holds for the bones, too. An iteration is then an update of the multipliers.
 - Without a skeleton the bones are pairs of markers whose distance is constant over the trusted samples.
 - The skipped first iterations and ``origin`` are those of ``svt``. The limit of iterations is not printed.
 

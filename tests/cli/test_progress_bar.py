@@ -50,8 +50,8 @@ def test_a_fill_shows_its_stages_and_takes_them_off_again(tmp_path):
     )
     shown = stages(pieces)
     assert shown[:3] == ["starting", "reading", "detecting"]
-    assert shown[-3:] == ["filling", "checking itself", "writing"]
-    assert "checking itself" in shown
+    assert shown[-3:] == ["filling", "self-check", "writing"]
+    assert "self-check" in shown
     assert "".join(pieces).split("\r")[-2].strip() == ""
     assert printed.startswith(str(SAMPLES / "walk.c3d"))
 

@@ -102,7 +102,7 @@ class TakeBar:
 
 
 def one_take_alone(n_takes: int, limits: WorkerLimits, *, quiet: bool) -> None:
-    """Let the stages of the work be shown only where it is on one take, and tell of a process of its own."""
+    """Show stages only for a run of one take; one in a worker process has a single stage."""
     if n_takes != 1 or quiet:
         progress.silence()
     elif limits.workers:

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean report``: the page of a report, with pictures of the takes that are at hand."""
+"""The work of ``mocapclean report``: the page of a report, with pictures of the takes whose files are found."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -98,20 +98,20 @@ def _page_take(row: dict[str, Any], config: Mapping[str, Any], files: _Files, da
 
 
 def _view(row: Mapping[str, Any], config: Mapping[str, Any], files: _Files) -> View | None:
-    """Return the view of a row, or None, with a message, where its files are not at hand."""
+    """Return the view of a row, or None, with a message, where its files are not found."""
     hashes = row.get("sha256", {})
     source = _same(files.places(row["source"]), hashes.get("source"))
     output = _same(files.places(row.get("output")), hashes.get("output"))
     if source is None or (row.get("output") and output is None):
         missing = row["source"] if source is None else row["output"]
         complain(
-            f"{missing}: not found as it was, so that this take is without pictures. Name its folder after the report."
+            f"{missing}: not found with the report's hash; the take has no pictures. Name its folder after the report."
         )
         return None
     try:
         return rebuilt_view(row, config, source, output, next(files.places(row.get("sidecar")), None))
     except MocapcleanError as error:
-        complain(f"{row['source']}: without pictures, because {error}")
+        complain(f"{row['source']}: the take has no pictures: {error}")
         return None
 
 

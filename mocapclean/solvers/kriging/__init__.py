@@ -5,8 +5,8 @@ aligned with those of k's most rigid neighbours that are known in the whole gap;
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn process bridged over the gap
 
-Eight such predictors differ in the frame (rigid, loose, only shifting, on the circle of a joint between two markers at
-known distances) and in the features a (few or many neighbours, with or without the nearness to poses). They are
+Six such predictors differ in the frame (turning, only shifting, on the circle of a joint between two markers at known
+distances) and in the features a (few or many neighbours, with or without the nearness to poses). They are
 combined with weights w ≥ 0, Σ w = 1, that minimise the mean square error on windows. A window is a stretch as long as
 the gap in which k is known; it is held out and predicted as the gap is. The same errors give the standard deviation of
 every filled sample: their size, the variance of g over the gap, and how much more the predictors disagree in the gap
@@ -23,7 +23,7 @@ pairs of markers that prove rigid, keep their lengths.
 Our own method. Its parts: N. Cressie, 1993, doi:10.1002/9781119115151 (regression kriging); W. Kabsch, 1976,
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
 
-Cost per gap of L frames with q neighbours: O(n q²) for the n frames, about 600 + L, that are learnt from and tested on,
+Cost per gap of L frames with q neighbours: O(n q²) for the n frames, about 500 + L, that are learnt from and tested on,
 and O(q³) for 24 ridge systems in each predictor. Only the search for windows grows with the take.
 """
 

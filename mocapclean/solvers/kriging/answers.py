@@ -30,7 +30,7 @@ class _Planned(NamedTuple):
 
     @property
     def layout(self) -> tuple[object, ...]:
-        """What is equal in all segments of a batch."""
+        """The layout: what is equal in all segments of a batch."""
         padded = -(-len(self.segment.neighbours) // NEIGHBOUR_STEP)
         sides = len(self.plan.adjacent), tuple(self.plan.adjacent[:1].tolist())
         return tuple(self.predictors), padded, len(self.plan.inside), *sides, len(self.plan.windows) > 0
@@ -52,7 +52,7 @@ def answers(segments: Sequence[GapSegment]) -> list[Answer | None]:
 
 
 def _evidence(segments: Sequence[GapSegment], *, resembling: bool) -> list[Evidence]:
-    """Return the results of all predictors for each segment; resembling: on windows that resemble the gap."""
+    """Return the results of all predictors for each segment; resembling: only on windows that resemble the gap."""
     planned = _planned(segments, resembling)
     following: list[list[KrigingResult]] = [[] for _ in segments]
     for members in _batches(planned):

@@ -44,13 +44,12 @@ def find_ends(distances: NeighbourDistances, marker: int, neighbours: Ints) -> l
 def hinge_frames(
     ends: Floats, lengths: Floats, segment: BodyFrames, batch: SegmentBatch
 ) -> tuple[BodyFrames, Floats, Bools]:
-    """Return axes (G, N) at the centre of the markers' circles about the lines of both ends, radii (G, N), mm, and
-    where (G,) they are defined.
+    """Return the axes (G, N) of the joints' circles, their radii (G, N), mm, and where (G,) they are defined.
 
-    ends: (G, N, 2, 3) the two markers. lengths: (G, 2) the joint's distances from them. The joint is the target of the
-    batch, which is read in the training rows only. The first axis runs from end to end. The second points to the
-    joint's mean direction in ``segment``, the frames of the body segment. They are undefined where this direction is
-    along the line.
+    The circles are about the line between both ends. ends: (G, N, 2, 3) the two markers. lengths: (G, 2) the joint's
+    distances from them. The joint is the target of the batch, which is read in the training rows only. The first axis
+    runs from end to end. The second points to the joint's mean direction in ``segment``, the frames of the body
+    segment. They are undefined where this direction is along the line.
     """
     line = ends[:, :, 1] - ends[:, :, 0]
     distance = np.linalg.norm(line, axis=2)

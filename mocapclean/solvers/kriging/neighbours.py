@@ -62,8 +62,7 @@ class NeighbourDistances:
         return np.where(np.isfinite(weights) & (markers != neighbours), weights, 0.0)
 
     def rigid_scales(self, marker: int | Ints, neighbours: Ints, looseness: float = 1.0) -> Floats:
-        """Return the scale factors (..., n) of neighbour positions as regression features in turning axes: about 1 / SD
-        of the distance.
+        """Return the scale factors (..., n) of neighbour positions as regression features in turning axes.
 
         A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
         """

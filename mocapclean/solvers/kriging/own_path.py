@@ -104,7 +104,7 @@ def _patterns(plan: SamplingPlan) -> Iterator[Pattern]:
 
 
 def _has_slopes(plan: SamplingPlan) -> bool:
-    """Whether there is a slope to krige with beside the gap and all windows: a line through one sample has none."""
+    """Whether the gap and all windows have two or more adjacent samples, which kriging needs for a slope."""
     return len(plan.gap_adjacent) > 1 and all(len(known) > 1 for _, known in plan.known_patterns)
 
 

@@ -2,7 +2,7 @@
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge estimate, g a Matérn process in time
 
-For every ridge penalty λ and every Matérn kernel the error is measured on windows: stretches as long as the gap in
+The error of every ridge penalty λ and Matérn kernel is measured on windows. A window is a stretch as long as the gap in
 which y is known. Each window is held out of the regression in one fold, and bridged from its own adjacent samples as
 the gap is. All pairs (kernel, λ) contribute to the prediction, with the weights of a Gaussian likelihood: this is
 steadier than the best pair alone.

@@ -59,7 +59,7 @@ def _least_on_simplex(matrix: Floats) -> Floats:
             free[steps.argmin()], weights[steps.argmin()] = False, 0.0
             continue
         weights = target
-        # All gradients of weights at 0 are at least that of the others, or the least of them is let go.
+        # Optimal unless a weight at 0 has a smaller gradient than the others; the one with the least becomes free.
         gradient = matrix @ weights
         excess = np.where(free, 0.0, gradient - weights @ gradient)
         if excess.min() >= -EQUAL_GRADIENT:

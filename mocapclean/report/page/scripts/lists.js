@@ -35,7 +35,7 @@ function tables(row, go) {
   });
 }
 
-/** How soon a gap is to be looked at. @param {any} gap */
+/** How urgent a gap is: larger numbers are to be looked at first. @param {any} gap */
 function urgency(gap) {
   const left = gap.length - gap.samples_filled;
   return left * 1e6 + (gap.largest_move ?? 0) * 1e3 + (gap.expected_3d ?? 0);

@@ -15,7 +15,7 @@ export class Samples {
     /** @type {string[]} */
     this.markers = view.markers;
     const [n_markers, n_frames] = packed.header.arrays.codes.shape;
-    // A subject that all markers share says nothing beside a row.
+    // The name of a subject is left out if all markers share it.
     const subject = this.markers[0]?.includes(":") ? this.markers[0].slice(0, this.markers[0].lastIndexOf(":") + 1) : "";
     const is_shared = this.markers.every((marker) => marker.startsWith(subject));
     this.names = this.markers.map((marker) => is_shared ? marker.slice(subject.length) : marker);
