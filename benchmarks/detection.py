@@ -9,8 +9,8 @@ parameters that ``mocapclean fill`` chooses. Its first half is examined as well.
 
 ``--growth``: simulated figures side by side (walking and boxing) whose segments carry more markers, as hands and faces
 do, with one gap of 1 to 20 frames for each 200 samples of 20 frames. The ratio of times is given beside that of sizes:
-detection must grow no faster than the frames, and no faster than the square of the markers. ``--largest``: the seconds and the
-memory of 300 markers in 10,000 frames.
+detection must grow no faster than the frames, and no faster than the square of the markers. ``--largest``: the seconds
+and the memory of 300 markers in 10,000 frames.
 """
 
 import os
@@ -64,7 +64,7 @@ def crowd(n_frames, n_markers):
         size = min(n_markers, FIGURE)
         added = [carried(positions, rng) for _ in range(size - positions.shape[1])]
         figure = np.concatenate([positions, *added], axis=1)[:, :size]
-        figures.append(figure + [APART * len(figures), 0.0, 0.0])
+        figures.append(figure + np.array([APART * len(figures), 0.0, 0.0]))
         n_markers -= size
     positions = np.concatenate(figures, axis=1)
     positions += NOISE * rng.normal(size=positions.shape)
