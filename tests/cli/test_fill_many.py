@@ -135,7 +135,7 @@ def test_shards_together_are_the_whole_run_and_it_can_be_resumed_with_others(cap
 
 
 def touched(folder):
-    return {str(path): path.stat().st_ino for path in folder.rglob("*.[cC]3[dD]")}
+    return {str(path): (path.stat().st_ino, path.stat().st_mtime_ns) for path in folder.rglob("*.[cC]3[dD]")}
 
 
 def test_resume_redoes_what_changed_and_nothing_else(captures):
