@@ -48,8 +48,9 @@ def hanging(captures):
 
 
 def start(*arguments, **options):
-    """Start a run of small takes in a session of its own, its report in all.json."""
-    words = ["fill", "captures", "--out-dir", "clean", "--method", "linear", "--report", "all.json", *arguments]
+    """Start a run of small takes in a session of its own, one at a time, its report in all.json."""
+    words = ["fill", "captures", "--out-dir", "clean", "--method", "linear", "--report", "all.json", "--workers", 1]
+    words += arguments
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "start_new_session": True}
     STARTED.append(subprocess.Popen([sys.executable, "-m", "mocapclean", *map(str, words)], **pipes, **options))
     return STARTED[-1]
