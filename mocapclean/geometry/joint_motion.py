@@ -32,7 +32,8 @@ class JointMotion:
     rotations: (F, J, 4) unit quaternions, identity where a joint does not turn. translations: (F, J, 3) mm, values of
     the position channels, 0 on axes without one. turns, shifts: (J,), whether the joint has rotation channels, and
     position channels. rotation_known, translation_known: (F, J), whether all of these can be trusted; True without
-    channels. Where unknown, the values are those of a straight line between the known ones.
+    channels. Where unknown, a rotation is that of a straight turn between the known ones (slerp), and a translation lies
+    on a straight line.
     """
 
     rotations: Floats
@@ -64,8 +65,9 @@ def joint_motion(skeleton: Skeleton, poses: Floats, known: Bools) -> JointMotion
     for joint, (turned, shifted) in enumerate(zip(turning, shifting, strict=True)):
         if turned:
             axes = [skeleton.channels[index].axis for index in turned]
-            rotations[:, joint] = continuous(quaternions(axes, poses[:, turned]))
             rotation_known[:, joint] = known[:, turned].all(axis=1)
+            own = quaternions(axes, poses[:, turned])
+            rotations[:, joint] = continuous(straight_turns(own, ~rotation_known[:, joint]))
         for index in shifted:
             translations[:, joint, skeleton.channels[index].axis] = poses[:, index]
         if shifted:
@@ -78,6 +80,23 @@ def joint_motion(skeleton: Skeleton, poses: Floats, known: Bools) -> JointMotion
         rotation_known=rotation_known,
         translation_known=translation_known,
     )
+
+
+def straight_turns(rotations: Floats, unknown: Bools) -> Floats:
+    """Return rotations (F, 4) in which runs of unknown frames (F,) turn straight, at constant speed, between their ends.
+
+    A run at the first or last frame repeats the known rotation beside it. Without any known one the rotations stay.
+    """
+    turned = rotations.copy()
+    for first, stop in runs(unknown):
+        before, after = first > 0, stop < len(rotations)
+        if not (before or after):
+            break
+        left = rotations[first - 1] if before else rotations[stop]
+        right = rotations[stop] if after else rotations[first - 1]
+        share = np.arange(1, stop - first + 1)[:, None] / (stop - first + 1)
+        turned[first:stop] = times(left, from_vectors(share * rotation_vectors(times(conjugate(left), right))))
+    return turned
 
 
 def with_motion(

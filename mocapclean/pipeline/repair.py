@@ -23,7 +23,7 @@ from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
-from mocapclean.pipeline.summary import summarise, with_accuracy
+from mocapclean.pipeline.summary import Turns, summarise, with_accuracy
 from mocapclean.pipeline.view import Keep, view
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
@@ -58,7 +58,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
     truth = read_reference(selected, settings)
     library = load(settings.dictionary) if settings.dictionary else None
     codes = detected(selected)
-    wanted = _request(selected, codes, settings)
+    wanted = _request(prepared, codes, settings)
     checks_itself = settings.checks_itself
     settings, choice, checked = settle_method(selected, wanted, settings, library)
     if selected.trusted.all():
@@ -85,7 +85,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
         _record_written(codes, after, _writer_reason(written))
         if arrays:
             sidecar.save(arrays, selected, after, codes, sd, settings.method)
-        outcome = summarise(selected, after, codes, settings, sd)
+        outcome = summarise(selected, after, codes, settings, sd, _turns(selected, solution, sd))
         if truth is not None:
             outcome = with_accuracy(outcome, after, truth)
         if keep is not None:
@@ -104,7 +104,6 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
             outdated=formats.outdated(written),
             solution=_facts(solution),
             self_check=checked,
-            fitting=metrics.error(merged.positions, after.positions, after.changed),
             reference=settings.reference,
         )
 
@@ -119,13 +118,15 @@ def _removed_on_failure(output: Path) -> Iterator[None]:
         raise
 
 
-def _request(selected: Take, codes: Codes, settings: Settings) -> Bools:
+def _request(prepared: Prepared, codes: Codes, settings: Settings) -> Bools:
     """Return the samples (F, M) that the options allow to be filled, and set the status of untrusted ones that stay
     unfilled.
     """
+    selected = prepared.selected
     asked_for = np.full(selected.trusted.shape, not settings.markers)
     for pattern in settings.markers:
         asked_for[:, matching(pattern, selected.markers, "--markers")] = True
+    asked_for &= ~prepared.excluded
     decide(codes, ~asked_for, Status.NOT_ASKED_FOR)
     never_seen = np.broadcast_to(~selected.trusted.any(axis=0), asked_for.shape)
     decide(codes, never_seen, Status.NEVER_SEEN)
@@ -148,11 +149,27 @@ def _error_bars(selected: Take, solution: Solution, wanted: Bools, settings: Set
     return np.where(wanted & solution.filled & ~selected.trusted, solution.sd, np.nan)
 
 
+def _turns(selected: Take, solution: Solution, sd: Floats | None) -> Turns | None:
+    """Return what the answer for a take with poses is worth in degrees, and how well its poses were fitted.
+
+    Bars in degrees are wider by as much as those in millimetres.
+    """
+    if selected.poses is None:
+        return None
+    degrees = None
+    if solution.sd_degrees is not None and solution.sd is not None and sd is not None:
+        wider = np.divide(sd, solution.sd, out=np.ones_like(sd), where=solution.sd > 0.0)
+        degrees = np.where(np.isfinite(sd), solution.sd_degrees * wider, np.nan)
+    return Turns(sd=degrees, misfit=solution.misfit)
+
+
 def _set_final_status(
     prepared: Prepared, codes: Codes, solution: Solution, sd: Floats | None, settings: Settings
 ) -> None:
     """Set the final status of every untrusted sample that has none yet: filled, or the reason why not."""
     selected = prepared.selected
+    if solution.unreachable is not None:
+        decide(codes, solution.unreachable, Status.NO_POSE)
     nothing_seen = np.broadcast_to(~selected.trusted.any(axis=1, keepdims=True), codes.shape)
     decide(codes, ~solution.filled & nothing_seen, Status.NOTHING_SEEN)
     decide(codes, ~solution.filled & _gaps_at_ends(selected), Status.AT_END)

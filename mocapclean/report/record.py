@@ -14,7 +14,7 @@ from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-SCHEMA = 3  # version of the schema, raised with every change of the report
+SCHEMA = 4  # version of the schema, raised with every change of the report
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
 _COUNTS = ("samples", "untrusted", "filled", "replaced", "left", "suspicious")
@@ -155,7 +155,6 @@ def row(outcome: Outcome) -> dict[str, Any]:
             "by_gap_length": plain(outcome.accuracy_by_length),
         },
         "self_check": plain(outcome.self_check),
-        "stored_minus_solved": plain(outcome.fitting),
         "outdated_points": list(outcome.outdated),
         "bones": {
             "from": outcome.bones_from,
@@ -182,6 +181,10 @@ def _gap(gap: GapReport, first: int) -> dict[str, Any]:
         "expected_3d": plain(gap.expected),
         "grade": gap.grade or None,
         "error": plain(gap.error),
+        "channels": list(gap.channels),
+        "expected_degrees": plain(gap.expected_degrees),
+        "largest_turn": plain(gap.largest_turn),
+        "fitted": plain(gap.fitted),
     }
 
 

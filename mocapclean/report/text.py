@@ -214,10 +214,16 @@ def _expected(outcome: Outcome) -> Iterable[str]:
     counts = Counter(gap.grade for gap in graded)
     yield _line("expected", ", ".join(f"{_count(counts[name], 'gap')} {name}" for name in GRADES if counts[name]))
     worst = ", ".join(
-        f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_mm(gap.expected)}"
+        f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_size(gap)}"
         for gap in graded[:3]
     )
     yield _line("", f"largest error expected in 3D: {worst}")
+
+
+def _size(gap: GapReport) -> str:
+    """Return the expected error of a gap, of a joint with its degrees."""
+    degrees = f" ({gap.expected_degrees:.1f} degrees)" if gap.expected_degrees is not None else ""
+    return f"{_mm(gap.expected)}{degrees}"
 
 
 def _accuracy(outcome: Outcome) -> Iterable[str]:
@@ -275,12 +281,11 @@ def _error(error: Error) -> str:
 
 
 def _stored(outcome: Outcome) -> Iterable[str]:
-    distance = outcome.fitting
-    if distance is not None and distance.largest >= 0.05:
-        yield _line(
-            "fitted",
-            f"{distance.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {distance.largest:.1f} mm",
-        )
+    """Yield how far the stored poses are from the positions of a method for markers, at most."""
+    fitted = [gap for gap in outcome.gaps if gap.fitted is not None]
+    if fitted:
+        worst = max(fitted, key=lambda gap: gap.fitted or 0.0)
+        yield _line("fitted", f"poses within {_mm(worst.fitted)} of the method's positions, farthest at {worst.marker}")
 
 
 def _outdated(outcome: Outcome) -> Iterable[str]:
@@ -352,6 +357,7 @@ def _gap_table(outcome: Outcome) -> list[str]:
         "why": [", ".join(gap.rules) for gap in gaps],
         "what became of it": [gap.status.sentence or ("filled" if gap.n_filled else "-") for gap in gaps],
         "expected 3D mm": ["" if gap.expected is None else f"{gap.expected:.2f}" for gap in gaps],
+        "degrees": ["" if gap.expected_degrees is None else f"{gap.expected_degrees:.1f}" for gap in gaps],
         "grade": [gap.grade for gap in gaps],
         "RMSE mm": [f"{gap.error.rmse:.2f}" if gap.error else "" for gap in gaps],
     }

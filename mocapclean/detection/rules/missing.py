@@ -9,6 +9,9 @@ from mocapclean.parameters import parameters
 from mocapclean.take import Finding
 
 
+COLUMNS = ("markers", "joints")
+
+
 @parameters
 class Params:
     """This rule has no parameters."""
