@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, runs
-from mocapclean.geometry.inverse_kinematics.euler import (
+from mocapclean.geometry.euler import (
     bridge,
     euler_angles,
     is_ball,

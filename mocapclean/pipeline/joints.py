@@ -16,6 +16,7 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.geometry.joint_motion import (
     angles_between,
     conjugate,
+    from_vectors,
     joint_motion,
     rotation_vectors,
     times,
@@ -27,12 +28,14 @@ from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 from mocapclean.take.posed import bridged_positions, joint_positions, with_poses
 
-FARTHEST_MISFIT = 10.0
+FARTHEST_MISFIT = 50.0
 """Millimetres between a joint where a method for markers puts it and where the pose has it, above which the joints that
-it hangs on are left. Chosen by hand: the error of a good repair, which no fit should add to."""
+it hangs on are left. Chosen by hand: a straight line between two places cuts an arc by as much; no grade is good then."""
 _STEP_FACTOR, _STEP_DEGREES = 1.5, 1.0
 """An angular step in or beside a fitted span is at most this many times the largest step of the joint elsewhere, plus
 these degrees. Chosen by hand: twice that is seen as a pop."""
+_TAPER_DEGREES = 0.5
+"""Degrees for each frame by which a correction of a fitted span's end fades; half of what a step may exceed by hand."""
 _FIXED_MM = 0.1
 """Millimetres that a fit may move a joint that hangs on known channels alone; it has none to move it with."""
 
@@ -142,9 +145,10 @@ def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionar
     # 2. The unknown channels bring these joints to their filled positions; all known channels stay.
     answered = hidden & answer.filled
     fitted = fit(skeleton, np.where(known, poses, np.nan), answer.positions, ~hidden, answered, tolerance=_FIXED_MM)
-    # 3. A straight turn bridges the rotations that no position shows.
+    # 3. A straight turn bridges the rotations that no position shows, and the ends meet the known frames beside them.
     motion = joint_motion(skeleton, fitted.poses, np.isfinite(fitted.poses))
-    bridged = with_motion(skeleton, fitted.poses, ~np.isfinite(fitted.poses), motion.rotations, motion.translations)
+    met = _with_ends_met(motion.rotations, ~take.trusted)
+    bridged = with_motion(skeleton, np.where(known, poses, np.nan), ~known, met, motion.translations)
     apart = np.linalg.norm(joint_positions(skeleton, bridged) - answer.positions, axis=2)
     below = _below(skeleton)
     misfit = np.where(below[None], np.where(answered, apart, 0.0)[:, None, :], 0.0).max(axis=2)
@@ -154,7 +158,9 @@ def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionar
     filled = asked_joints & ~open_ends & ~unreachable
     sd = None
     if answer.sd is not None:
-        sd = np.where(filled, np.where(below[None], np.where(answered, answer.sd, 0.0)[:, None, :], 0.0).max(axis=2), 0.0)
+        farthest = np.where(below[None], np.where(answered, answer.sd, 0.0)[:, None, :], 0.0).max(axis=2)
+        # The distance from the method's positions counts as an error of its own.
+        sd = np.where(filled, np.hypot(farthest, misfit / 3**0.5), 0.0)
     return replace(
         answer, positions=take.positions, poses=bridged, filled=filled, sd=sd, misfit=misfit,
         unreachable=asked_joints & unreachable & ~open_ends, outliers=None, moved=None,
@@ -178,13 +184,41 @@ def _whole_runs(faults: Bools, take: Take) -> Bools:
     return whole
 
 
+def _largest_steps(rotations: Floats, fitted: Bools) -> Floats:
+    """Return the largest angular step (J,), degrees, that each joint may make in or beside its fitted samples (F, J)."""
+    beside = fitted[1:] | fitted[:-1]
+    known = np.where(beside, 0.0, angles_between(rotations[1:], rotations[:-1]))
+    return np.asarray(_STEP_FACTOR * known.max(axis=0, initial=0.0) + _STEP_DEGREES)
+
+
+def _with_ends_met(rotations: Floats, fitted: Bools) -> Floats:
+    """Return rotations (F, J, 4) whose fitted runs (F, J) begin and end within a step of the known frames beside them.
+
+    What a step at an end is too large fades over the frames of the run from there.
+    """
+    met, most = rotations.copy(), _largest_steps(rotations, fitted)
+    for joint, start, stop in column_runs(fitted):
+        ends = [(start - 1, slice(start, stop))] * (start > 0)
+        ends += [(stop, slice(stop - 1, start - 1 if start else None, -1))] * (stop < len(met))
+        for beside, inside in ends:
+            run = met[inside, joint]
+            step = rotation_vectors(times(conjugate(met[beside, joint]), run[0]))
+            size = float(np.linalg.norm(step))
+            if size <= most[joint]:
+                continue
+            excess = step * (1.0 - most[joint] / size)
+            fading = np.clip(1.0 - np.arange(len(run)) * _TAPER_DEGREES / np.linalg.norm(excess), 0.0, 1.0)
+            # In the axes of the frame beside the run: d exp(-excess), where d is the turn from there.
+            turned = times(conjugate(met[beside, joint]), run)
+            met[inside, joint] = times(met[beside, joint], times(from_vectors(-fading[:, None] * excess), turned))
+    return met
+
+
 def _steps_too_far(skeleton: Skeleton, poses: Floats, fitted: Bools) -> Bools:
     """Return the fitted samples (F, J) beside an angular step larger than the joint makes in any known frame."""
     rotations = joint_motion(skeleton, poses, np.isfinite(poses)).rotations
     steps = angles_between(rotations[1:], rotations[:-1])
-    beside = fitted[1:] | fitted[:-1]
-    most = np.where(beside, 0.0, steps).max(axis=0, initial=0.0)
-    far = beside & (steps > _STEP_FACTOR * most + _STEP_DEGREES)
+    far = (fitted[1:] | fitted[:-1]) & (steps > _largest_steps(rotations, fitted))
     faults = np.zeros_like(fitted)
     faults[1:] |= far
     faults[:-1] |= far
