@@ -43,6 +43,9 @@ RULES: Modules[ModuleType] = Modules(
         "predict",
         "tdd",
         "outlier",
+        "pop",
+        "hold",
+        "splice",
     ),
 )
 

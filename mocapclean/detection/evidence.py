@@ -10,7 +10,9 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.analysis import PathAnalysis, analyse
 from mocapclean.detection.exchanges import Exchange, exchange, exchanges
+from mocapclean.detection.joints import JointFault, faults
 from mocapclean.geometry.distances import Rigidity, rigidity
+from mocapclean.geometry.joint_motion import JointMotion, joint_motion
 from mocapclean.numerics.robust import median, nan_median
 from mocapclean.take import Take
 
@@ -55,6 +57,19 @@ class Evidence:
         positions = exchange(self.take.positions, self.exchanges)
         rigid = self._rigidity(positions) if self.exchanges else self.rigid
         return analyse(positions, self.plausible, rigid, self.take.rate)
+
+    @cached_property
+    def motion(self) -> JointMotion:
+        """Return the rotations and translations of the joints of a take with poses."""
+        take = self.take
+        assert take.skeleton is not None and take.poses is not None and take.known is not None
+        return joint_motion(take.skeleton, take.poses, take.known)
+
+    @cached_property
+    def joint_faults(self) -> tuple[JointFault, ...]:
+        """Return the faults of the joints of a take with poses."""
+        assert self.take.skeleton is not None
+        return faults(self.take.skeleton, self.motion, self.take.rate)
 
     def _rigidity(self, positions: Floats) -> Rigidity:
         """Return the rigidity of positions (F, M, 3), in which detached markers are partners of none."""

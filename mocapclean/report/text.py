@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mocapclean.errors import printable
 from mocapclean.evaluation.metrics import GRADES, Error
+from mocapclean.formats.declarations import DECLARATIONS
 from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
@@ -73,7 +74,7 @@ def verdict(take: Verdict, *, verbose: bool = False) -> str:
     With ``verbose``, every breach has a line of its own, with advice.
     """
     if take.passes:
-        shape = f"{_count(take.n_markers, 'marker')} x {_count(take.n_frames, 'frame')}"
+        shape = f"{_count(take.n_markers, column(take.format))} x {_count(take.n_frames, 'frame')}"
         missing, distrusted = take.measures["missing"], take.measures["distrusted"]
         return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted or suspicious"
     if verbose:
@@ -111,11 +112,17 @@ def _count(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
+def column(format_name: str) -> str:
+    """Return what the samples of a format are of: "marker" or "joint"."""
+    facts = DECLARATIONS.get(format_name)
+    return "joint" if facts and facts.columns == "joints" else "marker"
+
+
 def _shape(outcome: Outcome) -> str:
     first, last = outcome.first_frame, outcome.first_frame + outcome.n_frames - 1
     seconds = outcome.n_frames / outcome.rate
     return (
-        f"{outcome.format.upper()}, {_count(outcome.n_markers, 'marker')} x {_count(outcome.n_frames, 'frame')} "
+        f"{outcome.format.upper()}, {_count(outcome.n_markers, column(outcome.format))} x {_count(outcome.n_frames, 'frame')} "
         f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
     )
 
@@ -187,9 +194,13 @@ def _filled(outcome: Outcome) -> str:
 def _replaced(outcome: Outcome) -> Iterable[str]:
     """Yield how many measured samples were replaced, of how many markers, and by how far at most."""
     if outcome.counts and outcome.counts.replaced:
-        markers = {gap.marker for gap in outcome.gaps if gap.n_replaced}
+        replaced = [gap for gap in outcome.gaps if gap.n_replaced]
+        number = len({gap.marker for gap in replaced})
+        turns = [gap.largest_turn for gap in replaced if gap.largest_turn is not None]
+        turned = f" and {max(turns):.1f} degrees" if turns else ""
         samples = _count(outcome.counts.replaced, "measured sample")
-        yield _line("replaced", f"{samples} of {_count(len(markers), 'marker')}, by up to {_mm(outcome.largest_move)}")
+        moved = f"by up to {_mm(outcome.largest_move)}{turned}"
+        yield _line("replaced", f"{samples} of {_count(number, column(outcome.format))}, {moved}")
 
 
 def _left(outcome: Outcome) -> Iterable[str]:
@@ -343,14 +354,14 @@ def _marker_table(outcome: Outcome) -> list[str]:
         share = f"{100 * samples / outcome.n_frames:.1f} %"
         rows.append([marker, str(len(gaps)), str(samples), share, str(longest.stop - longest.start), span])
     rows.sort(key=lambda row: -int(row[2]))
-    return table(rows, ["marker", "gaps", "samples", "share", "longest", "at frames"])
+    return table(rows, [column(outcome.format), "gaps", "samples", "share", "longest", "at frames"])
 
 
 def _gap_table(outcome: Outcome) -> list[str]:
     """Return the table of all gaps, without columns that are empty."""
     first, gaps = outcome.first_frame, outcome.gaps
     columns = {
-        "marker": [gap.marker for gap in gaps],
+        column(outcome.format): [gap.marker for gap in gaps],
         "first": [str(gap.start + first) for gap in gaps],
         "last": [str(gap.stop - 1 + first) for gap in gaps],
         "frames": [str(gap.stop - gap.start) for gap in gaps],
