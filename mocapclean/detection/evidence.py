@@ -4,17 +4,20 @@ use.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.detection.analysis import PathAnalysis, analyse
 from mocapclean.detection.exchanges import Exchange, exchange, exchanges
-from mocapclean.detection.joints import JointFault, faults
 from mocapclean.geometry.distances import Rigidity, rigidity
-from mocapclean.geometry.joint_motion import JointMotion, joint_motion
 from mocapclean.numerics.robust import median, nan_median
 from mocapclean.take import Take
+
+if TYPE_CHECKING:
+    from mocapclean.detection.joints import JointFault
+    from mocapclean.geometry.joint_motion import JointMotion
 
 FARTHEST = 5e4  # mm: ten times the farthest coordinate from the median of its take in the captures, 5.2 m
 _FARTHEST_SHARE = 30.0  # median distances from the median: at most 14 in the captures; counts where a unit is wrong
@@ -59,15 +62,19 @@ class Evidence:
         return analyse(positions, self.plausible, rigid, self.take.rate)
 
     @cached_property
-    def motion(self) -> JointMotion:
+    def motion(self) -> "JointMotion":
         """Return the rotations and translations of the joints of a take with poses."""
+        from mocapclean.geometry.joint_motion import joint_motion  # takes of markers need none of it
+
         take = self.take
         assert take.skeleton is not None and take.poses is not None and take.known is not None
         return joint_motion(take.skeleton, take.poses, take.known)
 
     @cached_property
-    def joint_faults(self) -> tuple[JointFault, ...]:
+    def joint_faults(self) -> "tuple[JointFault, ...]":
         """Return the faults of the joints of a take with poses."""
+        from mocapclean.detection.joints import faults  # takes of markers need none of it
+
         assert self.take.skeleton is not None
         return faults(self.take.skeleton, self.motion, self.take.rate)
 

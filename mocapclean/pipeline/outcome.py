@@ -111,6 +111,7 @@ class Outcome:
     status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
     largest_move: mm, the largest distance between a replaced sample in the file and in the output. outdated: the
     carried points that may have been computed from a changed marker.
+    contacts_broken: joint, first and last frame number of the contacts that the repair breaks; None for markers.
     Lengths are millimetres, spans are half-open indices.
     """
 
@@ -137,6 +138,7 @@ class Outcome:
     gaps: tuple[GapReport, ...] = ()
     findings: tuple[Finding, ...] = ()
     outdated: tuple[str, ...] = ()
+    contacts_broken: tuple[tuple[str, int, int], ...] | None = None
     solution: Mapping[str, Any] = field(default_factory=dict)
     reference: Path | None = None
     accuracy: Error | None = None

@@ -1,6 +1,6 @@
 """Repair one take: prepare, fill, write, verify, and record what happened."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from mocapclean.evaluation import metrics, self_check
 from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
+from mocapclean.pipeline.contacts import Contact, broken, contacts, kept
 from mocapclean.pipeline.choose import check_filled, settle_method, solver
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.inspection import digest
@@ -76,6 +77,9 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
+    around = contacts(selected, merged.filled) if selected.poses is not None else ()
+    if settings.keep_contacts:
+        merged = kept(selected, merged, around)
     progress.stage("writing")
     written = formats.write(
         prepared.with_selected(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
@@ -86,6 +90,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
         if arrays:
             sidecar.save(arrays, selected, after, codes, sd, settings.method)
         outcome = summarise(selected, after, codes, settings, sd, _turns(selected, solution, sd))
+        outcome = replace(outcome, contacts_broken=_contacts_broken(after, around))
         if truth is not None:
             outcome = with_accuracy(outcome, after, truth)
         if keep is not None:
@@ -147,6 +152,13 @@ def _error_bars(selected: Take, solution: Solution, wanted: Bools, settings: Set
     if solution.sd is None:
         return None
     return np.where(wanted & solution.filled & ~selected.trusted, solution.sd, np.nan)
+
+
+def _contacts_broken(after: Take, around: Sequence[Contact]) -> tuple[tuple[str, int, int], ...] | None:
+    """Return joint, first and last frame number of each contact that the repair breaks; None for markers."""
+    if after.poses is None:
+        return None
+    return tuple((after.markers[c.joint], *after.numbers(c.start, c.stop)) for c in broken(after, around))
 
 
 def _turns(selected: Take, solution: Solution, sd: Floats | None) -> Turns | None:

@@ -156,6 +156,9 @@ def row(outcome: Outcome) -> dict[str, Any]:
         },
         "self_check": plain(outcome.self_check),
         "outdated_points": list(outcome.outdated),
+        "contacts_broken": None
+        if outcome.contacts_broken is None
+        else [{"joint": joint, "first": start, "last": stop} for joint, start, stop in outcome.contacts_broken],
         "bones": {
             "from": outcome.bones_from,
             "skeleton_rmse": {"before": outcome.skeleton_rmse[0], "after": outcome.skeleton_rmse[1]},

@@ -31,6 +31,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         *_self_check(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
+        *_contacts(outcome),
         *_outdated(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
@@ -297,6 +298,14 @@ def _stored(outcome: Outcome) -> Iterable[str]:
     if fitted:
         worst = max(fitted, key=lambda gap: gap.fitted or 0.0)
         yield _line("fitted", f"poses within {_mm(worst.fitted)} of the method's positions, farthest at {worst.marker}")
+
+
+def _contacts(outcome: Outcome) -> Iterable[str]:
+    """Yield how many contacts the repair breaks, and the first ones."""
+    if outcome.contacts_broken:
+        few = ", ".join(f"{joint} {first}-{last}" for joint, first, last in outcome.contacts_broken[:_FEW_NAMES])
+        number = _count(len(outcome.contacts_broken), "contact")
+        yield _line("contacts", f"{number} broken, where a joint stood still ({few}); --keep-contacts keeps them in place")
 
 
 def _outdated(outcome: Outcome) -> Iterable[str]:
