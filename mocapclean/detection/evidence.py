@@ -14,6 +14,7 @@ from mocapclean.detection.exchanges import Exchange, exchange, exchanges
 from mocapclean.geometry.distances import Rigidity, rigidity
 from mocapclean.numerics.robust import median, nan_median
 from mocapclean.take import Take
+from mocapclean.take.posed import known_poses, posed
 
 if TYPE_CHECKING:
     from mocapclean.detection.joints import JointFault
@@ -66,17 +67,15 @@ class Evidence:
         """Return the rotations and translations of the joints of a take with poses."""
         from mocapclean.geometry.joint_motion import joint_motion  # takes of markers need none of it
 
-        take = self.take
-        assert take.skeleton is not None and take.poses is not None and take.known is not None
-        return joint_motion(take.skeleton, take.poses, take.known)
+        return joint_motion(*known_poses(self.take))
 
     @cached_property
     def joint_faults(self) -> "tuple[JointFault, ...]":
         """Return the faults of the joints of a take with poses."""
         from mocapclean.detection.joints import faults  # takes of markers need none of it
 
-        assert self.take.skeleton is not None
-        return faults(self.take.skeleton, self.motion, self.take.rate)
+        skeleton, _ = posed(self.take)
+        return faults(skeleton, self.motion, self.take.rate)
 
     def _rigidity(self, positions: Floats) -> Rigidity:
         """Return the rigidity of positions (F, M, 3), in which detached markers are partners of none."""

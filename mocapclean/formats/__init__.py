@@ -144,7 +144,8 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
 
     A take that was read from this format becomes a copy of its own file in which only the changed samples differ. Any
     other take becomes a new file: from its positions (C3D), or from its poses (BVH; AMC with an .asf beside it, named
-    by what comes before the first ``_``). invalidate: mark samples missing, where the format has a mark, that are neither trusted nor filled. Raises
+    by what comes before the first ``_``).
+    invalidate: mark samples missing, where the format has a mark, that are neither trusted nor filled. Raises
     UsageError when ``path`` is the take's own file, when it exists and ``overwrite`` is false, and when the format
     cannot express the take; FormatError when the file cannot be written.
     """

@@ -9,10 +9,10 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
 from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
-from mocapclean.pipeline.joints import HiddenJoints, fill_poses
+from mocapclean.pipeline.filling import answer
+from mocapclean.pipeline.joints import HiddenJoints
 from mocapclean.pipeline.outcome import Candidate, MethodChoice
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
@@ -24,13 +24,7 @@ def solver(
     begun: the answer of the method for the take with more samples trusted, or None.
     """
     params = settings.methods[method]
-
-    def fill(take: Take, wanted: Bools) -> Solution:
-        if take.poses is not None:
-            return fill_poses(method, take, params, wanted, dictionary)
-        return run_method(method, take, params, wanted=wanted, dictionary=dictionary, begun=begun)
-
-    return fill
+    return lambda take, wanted: answer(method, take, params, wanted, dictionary, begun)
 
 
 def settle_method(

@@ -1,7 +1,7 @@
 """Contacts: joints that stand still at one place on both sides of a repaired span, such as feet on the ground.
 
-What stands still before a repaired span, and at the same place after it, most likely stood there all the while. A repair
-that moves it breaks the contact. Where the user asks for it, the repaired channels that move it bring it back.
+What stands still before a repaired span, and at the same place after it, most likely stood there all the while. A
+repair that moves it breaks the contact. Where the user asks for it, the repaired channels that move it bring it back.
 """
 
 from collections.abc import Sequence
@@ -13,10 +13,10 @@ from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.geometry.joint_motion import angles_between, joint_motion
 from mocapclean.geometry.skeleton import Skeleton, influence
 from mocapclean.take import Take
-from mocapclean.take.posed import with_poses
+from mocapclean.take.posed import known_poses, posed, with_poses
 
 _SIDE_SECONDS, _FEWEST_SIDE_FRAMES = 0.1, 3
-"""Seconds, and frames at least, on each side in which a joint must stand still. Chosen by hand: a stance lasts 0.6 s."""
+"""Seconds, and frames at least, on each side in which a joint must stand still. By hand: a stance lasts 0.6 s."""
 _STILL = 0.003
 """Distance that counts as standing still, as a part of the body's extent: 5 mm of 1.7 m. Chosen by hand."""
 _LEAST_SLACK = 0.0006
@@ -48,11 +48,11 @@ def contacts(before: Take, filled: Bools) -> tuple[Contact, ...]:
 
     before: the take with the trust that detection left.
     """
-    assert before.skeleton is not None and before.known is not None
-    places, _ = influence(before.skeleton)
-    repaired = filled[:, before.owners] & ~before.known
+    skeleton, _, known = known_poses(before)
+    places, _ = influence(skeleton)
+    repaired = filled[:, before.owners] & ~known
     moved = np.asarray(repaired @ places.T)
-    hidden = np.asarray(~before.known @ places.T)
+    hidden = np.asarray(~known @ places.T)
     extent = float(np.linalg.norm(np.ptp(before.positions[0], axis=0)))
     n_side = max(_FEWEST_SIDE_FRAMES, round(_SIDE_SECONDS * before.rate))
     found = []
@@ -83,20 +83,21 @@ def kept(before: Take, after: Take, around: Sequence[Contact]) -> Take:
     """
     from mocapclean.geometry.inverse_kinematics.least_squares import least_squares
 
-    assert after.skeleton is not None and after.poses is not None and before.known is not None
     lost = broken(after, around)
     if not lost:
         return after
-    places, _ = influence(after.skeleton)
+    skeleton, filled = posed(after)
+    _, _, known = known_poses(before)
+    places, _ = influence(skeleton)
     wanted, targets = np.zeros_like(after.trusted), after.positions.copy()
     for contact in lost:
         wanted[contact.start : contact.stop, contact.joint] = True
         targets[contact.start : contact.stop, contact.joint] = contact.places
-    free = (after.filled[:, after.owners] & ~before.known) & np.asarray(wanted @ places)
+    free = (after.filled[:, after.owners] & ~known) & np.asarray(wanted @ places)
     frames = np.flatnonzero(free.any(axis=1))
-    poses = after.poses.copy()
+    poses = filled.copy()
     poses[frames] = least_squares(
-        after.skeleton,
+        skeleton,
         poses[frames],
         free[frames],
         wanted[frames],
@@ -104,14 +105,14 @@ def kept(before: Take, after: Take, around: Sequence[Contact]) -> Take:
         targets[frames],
         np.full((len(frames), poses.shape[1]), _START_WEIGHT),
     )
-    return with_poses(after, np.where(_turned_too_far(after.skeleton, after.poses, poses, free), after.poses, poses))
+    return with_poses(after, np.where(_turned_too_far(skeleton, filled, poses, free), filled, poses))
 
 
 def _turned_too_far(skeleton: Skeleton, before: Floats, after: Floats, free: Bools) -> Bools:
     """Return the free channels (F, C) of runs of frames in which a joint turns by more than the limit."""
     finite = np.isfinite(before)
     rotations = [joint_motion(skeleton, poses, finite).rotations for poses in (before, after)]
-    frames = (angles_between(*rotations) > _MOST_TURN).any(axis=1)
+    frames = np.asarray((angles_between(*rotations) > _MOST_TURN).any(axis=1))
     refused = np.zeros_like(free)
     for channel, start, stop in column_runs(free):
         refused[start:stop, channel] = frames[start:stop].any()

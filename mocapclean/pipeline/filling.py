@@ -30,9 +30,24 @@ def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None
         raise UsageError(f"the parameters of {method} must be valid. {text}.")
     params = SOLVERS[method].Params(**parameters)
     everything = np.ones_like(take.trusted)
+    return merge(take, answer(method, take, params, everything, library), everything)
+
+
+def answer(
+    method: str,
+    take: Take,
+    params: Any,
+    wanted: Bools,
+    dictionary: Dictionary | None = None,
+    begun: Solution | None = None,
+) -> Solution:
+    """Return the answer of a method with its ``Params`` for the wanted samples (F, M) of a take.
+
+    begun: see ``run_method``; a take with poses is always filled anew.
+    """
     if take.poses is not None:
-        return merge(take, fill_poses(method, take, params, everything, library), everything)
-    return merge(take, run_method(method, take, params, dictionary=library), everything)
+        return fill_poses(method, take, params, wanted, dictionary)
+    return run_method(method, take, params, wanted=wanted, dictionary=dictionary, begun=begun)
 
 
 def merge(take: Take, solution: Solution, accepted: Bools) -> Take:

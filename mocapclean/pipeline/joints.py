@@ -26,11 +26,11 @@ from mocapclean.geometry.skeleton import Skeleton, influence
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
-from mocapclean.take.posed import bridged_positions, joint_positions, with_poses
+from mocapclean.take.posed import bridged_positions, joint_positions, known_poses, with_poses
 
 FARTHEST_MISFIT = 50.0
 """Millimetres between a joint where a method for markers puts it and where the pose has it, above which the joints that
-it hangs on are left. Chosen by hand: a straight line between two places cuts an arc by as much; no grade is good then."""
+it hangs on are left. By hand: a straight line between two places cuts an arc by as much; no grade is good then."""
 _STEP_FACTOR, _STEP_DEGREES = 1.5, 1.0
 """An angular step in or beside a fitted span is at most this many times the largest step of the joint elsewhere, plus
 these degrees. Chosen by hand: twice that is seen as a pop."""
@@ -40,9 +40,7 @@ _FIXED_MM = 0.1
 """Millimetres that a fit may move a joint that hangs on known channels alone; it has none to move it with."""
 
 
-def fill_poses(
-    method: str, take: Take, params: Any, wanted: Bools, dictionary: Dictionary | None = None
-) -> Solution:
+def fill_poses(method: str, take: Take, params: Any, wanted: Bools, dictionary: Dictionary | None = None) -> Solution:
     """Return the answer of a method for the wanted joints (F, J) of a take with poses, its ``poses`` included."""
     if SOLVERS[method].TRAITS.turns_joints:
         return _by_rotations(take, wanted)
@@ -51,10 +49,11 @@ def fill_poses(
 
 def merge_poses(take: Take, solution: Solution, accepted: Bools) -> Take:
     """Return the take with the unknown channels of accepted joints (F, J) that the solution has filled."""
-    assert take.poses is not None and take.known is not None and solution.poses is not None
+    assert solution.poses is not None
+    _, poses, known = known_poses(take)
     filled = accepted & solution.filled & ~take.trusted
-    answered = filled[:, take.owners] & ~take.known
-    merged = with_poses(take, np.where(answered, solution.poses, take.poses))
+    answered = filled[:, take.owners] & ~known
+    merged = with_poses(take, np.where(answered, solution.poses, poses))
     return replace(merged, filled=take.filled | filled)
 
 
@@ -79,7 +78,7 @@ class HiddenJoints:
 
     def __init__(self, right: Take, fill: Callable[[Take, Bools], Solution]) -> None:
         self.right, self.fill = right, fill
-        self.skeleton, self.poses, self.known = _parts(right)
+        self.skeleton, self.poses, self.known = known_poses(right)
         self.rotations, self.positions = self._pose(self.poses, self.known)
         self.take = replace(right.as_markers(), positions=np.zeros_like(right.positions))
 
@@ -107,7 +106,7 @@ def _by_rotations(take: Take, wanted: Bools) -> Solution:
     """Return the answer of the default method, which fills rotations and translations."""
     from mocapclean.solvers.joints import fill_joints
 
-    skeleton, poses, known = _parts(take)
+    skeleton, poses, known = known_poses(take)
     motion = joint_motion(skeleton, poses, known)
     asked = wanted & ~take.trusted
     answer = fill_joints(skeleton, motion, asked & ~motion.rotation_known, asked & ~motion.translation_known, take.rate)
@@ -116,7 +115,11 @@ def _by_rotations(take: Take, wanted: Bools) -> Solution:
     return Solution(
         positions=take.positions,
         poses=with_motion(
-            skeleton, np.where(known, poses, np.nan), filled[:, take.owners] & ~known, answer.rotations, answer.translations
+            skeleton,
+            np.where(known, poses, np.nan),
+            filled[:, take.owners] & ~known,
+            answer.rotations,
+            answer.translations,
         ),
         filled=filled,
         sd=np.where(filled, far_sd, 0.0),
@@ -125,17 +128,11 @@ def _by_rotations(take: Take, wanted: Bools) -> Solution:
     )
 
 
-def _parts(take: Take) -> tuple[Skeleton, Floats, Bools]:
-    """Return the skeleton, poses and known channels of a take with poses."""
-    assert take.skeleton is not None and take.poses is not None and take.known is not None
-    return take.skeleton, take.poses, take.known
-
-
 def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionary: Dictionary | None) -> Solution:
     """Return the answer of a method for markers, and the poses that inverse kinematics fits to it."""
     from mocapclean.geometry.inverse_kinematics import fit
 
-    skeleton, poses, known = _parts(take)
+    skeleton, poses, known = known_poses(take)
     places, _ = influence(skeleton)
     # 1. The joints whose positions hang on an unknown channel are the gaps of the marker matrix.
     markers = take.as_markers()
@@ -162,8 +159,15 @@ def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionar
         # The distance from the method's positions counts as an error of its own.
         sd = np.where(filled, np.hypot(farthest, misfit / 3**0.5), 0.0)
     return replace(
-        answer, positions=take.positions, poses=bridged, filled=filled, sd=sd, misfit=misfit,
-        unreachable=asked_joints & unreachable & ~open_ends, outliers=None, moved=None,
+        answer,
+        positions=take.positions,
+        poses=bridged,
+        filled=filled,
+        sd=sd,
+        misfit=misfit,
+        unreachable=asked_joints & unreachable & ~open_ends,
+        outliers=None,
+        moved=None,
     )
 
 
@@ -185,7 +189,7 @@ def _whole_runs(faults: Bools, take: Take) -> Bools:
 
 
 def _largest_steps(rotations: Floats, fitted: Bools) -> Floats:
-    """Return the largest angular step (J,), degrees, that each joint may make in or beside its fitted samples (F, J)."""
+    """Return the largest angular step (J,), degrees, that each joint may make beside its fitted samples (F, J)."""
     beside = fitted[1:] | fitted[:-1]
     known = np.where(beside, 0.0, angles_between(rotations[1:], rotations[:-1]))
     return np.asarray(_STEP_FACTOR * known.max(axis=0, initial=0.0) + _STEP_DEGREES)

@@ -23,8 +23,8 @@ class Prepared:
     """A take as read, and the markers to work on with their trust lowered.
 
     whole: all markers of the file. selected: the markers that ``--exclude`` leaves, after detection; with poses all
-    joints, because each is part of the skeleton. columns: the place of each selected marker in the whole take. excluded:
-    those selected joints (M,) that ``--exclude`` names.
+    joints, because each is part of the skeleton. columns: the place of each selected marker in the whole take.
+    excluded: those selected joints (M,) that ``--exclude`` names.
     """
 
     whole: Take

@@ -18,8 +18,8 @@ from mocapclean.evaluation import metrics, self_check
 from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
-from mocapclean.pipeline.contacts import Contact, broken, contacts, kept
 from mocapclean.pipeline.choose import check_filled, settle_method, solver
+from mocapclean.pipeline.contacts import Contact, broken, contacts, kept
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome

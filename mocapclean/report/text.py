@@ -122,8 +122,9 @@ def column(format_name: str) -> str:
 def _shape(outcome: Outcome) -> str:
     first, last = outcome.first_frame, outcome.first_frame + outcome.n_frames - 1
     seconds = outcome.n_frames / outcome.rate
+    columns = _count(outcome.n_markers, column(outcome.format))
     return (
-        f"{outcome.format.upper()}, {_count(outcome.n_markers, column(outcome.format))} x {_count(outcome.n_frames, 'frame')} "
+        f"{outcome.format.upper()}, {columns} x {_count(outcome.n_frames, 'frame')} "
         f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
     )
 
@@ -305,7 +306,7 @@ def _contacts(outcome: Outcome) -> Iterable[str]:
     if outcome.contacts_broken:
         few = ", ".join(f"{joint} {first}-{last}" for joint, first, last in outcome.contacts_broken[:_FEW_NAMES])
         number = _count(len(outcome.contacts_broken), "contact")
-        yield _line("contacts", f"{number} broken, where a joint stood still ({few}); --keep-contacts keeps them in place")
+        yield _line("contacts", f"{number} broken, where a joint stood still ({few}); --keep-contacts keeps them")
 
 
 def _outdated(outcome: Outcome) -> Iterable[str]:

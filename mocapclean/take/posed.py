@@ -43,6 +43,12 @@ def posed(take: Take) -> tuple[Skeleton, Floats]:
     return take.skeleton, take.poses
 
 
+def known_poses(take: Take) -> tuple[Skeleton, Floats, Bools]:
+    """Return the skeleton, the poses and the known channels of a take; raise UsageError without poses."""
+    skeleton, poses = posed(take)
+    return skeleton, poses, np.isfinite(poses) if take.known is None else take.known
+
+
 def joint_positions(skeleton: Skeleton, poses: Floats) -> Floats:
     """Return the joint positions (F, J, 3) in millimetres of poses (F, C), NaN where a NaN channel decides them."""
     positions = np.empty((len(poses), len(skeleton.names), 3))
@@ -63,13 +69,13 @@ def with_poses(take: Take, poses: Floats) -> Take:
     Frames without a different number, and without a bridged one, keep their positions to the last bit. The trust of the
     take stays.
     """
-    assert take.skeleton is not None and take.poses is not None
+    skeleton, before = posed(take)
     finite = np.isfinite(poses)
-    differs = (poses != take.poses) & (finite | np.isfinite(take.poses))
+    differs = (poses != before) & (finite | np.isfinite(before))
     if not differs.any():
         return take
     # A number that becomes known changes the line over the missing ones beside it.
     frames = np.flatnonzero(differs.any(axis=1) | ~finite.all(axis=1))
     positions = take.positions.copy()
-    positions[frames] = joint_positions(take.skeleton, bridged_poses(take.skeleton, poses, finite)[frames])
+    positions[frames] = joint_positions(skeleton, bridged_poses(skeleton, poses, finite)[frames])
     return replace(take, positions=positions, poses=poses)

@@ -111,9 +111,10 @@ class Take:
     without a label; each is judged and filled by its own path alone.
     rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
     skeleton: the joints and bones, if known. poses: (F, C) degrees and millimetres, the channels of the skeleton whose
-    joints are the columns, or None. known: (F, C) bool, the channels that can be trusted, or None without poses; a joint
-    is trusted where all its channels are. Positions are those of the poses in which a straight line bridges what is not
-    known. findings: of rules and formats. origin: the file, None for a take that cannot be written to one. The arrays are read-only.
+    joints are the columns, or None. known: (F, C) bool, the channels that can be trusted, or None without poses; a
+    joint is trusted where all its channels are. Positions are those of the poses in which a straight line bridges the
+    missing numbers. findings: of rules and formats. origin: the file, None for a take that cannot be written to one.
+    The arrays are read-only.
     """
 
     positions: Floats

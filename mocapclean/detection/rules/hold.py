@@ -17,7 +17,9 @@ COLUMNS = ("joints",)
 class Params(Switch):
     """The parameters of the rule."""
 
-    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = "always"
+    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = (
+        "always"
+    )
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:

@@ -8,7 +8,6 @@ from mocapclean.detection.rule import Ruling, duration
 from mocapclean.parameters import parameters
 from mocapclean.take import Finding
 
-
 COLUMNS = ("markers", "joints")
 
 

@@ -16,7 +16,9 @@ COLUMNS = ("joints",)
 class Params(Switch):
     """The parameters of the rule."""
 
-    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = "never"
+    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = (
+        "never"
+    )
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
