@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats.text import TOKEN, WORD, blank, is_number, load
+from mocapclean.formats.text import TOKEN, WORD, blank, is_missing, is_number, load, value_of
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Take
 from mocapclean.take.posed import joint_positions, posed, with_poses
@@ -58,8 +58,9 @@ class PoseDocument:
         """Return the decimals (C,) of a respelled number: as many as in the first frame, and enough for 0.1 mm."""
         tokens = TOKEN.findall(blank(self.block(0)))
         first = [tokens[place] for place in self.places[0]]
-        # Decimals as the file spells them; a number with an exponent shows no habit.
-        own = np.array([len(t.partition(b".")[2]) * (b"e" not in t.lower()) for t in first])
+        # Decimals as the file spells them; a number with an exponent, or a missing one, shows no habit.
+        habits = [b"" if b"e" in token.lower() or is_missing(token) else token for token in first]
+        own = np.array([len(token.partition(b".")[2]) for token in habits])
         turns = np.array([channel.is_rotation for channel in self.skeleton.channels])
         finest = np.where(turns, FINEST_DEGREES, FINEST_MM)
         needed = np.ceil(np.log10(self.scale / finest) - ROUNDING_SLACK)
@@ -175,7 +176,7 @@ class _Comparison:
             spelled = WORD.match(self.raw, at + ahead)
             if spelled and spelled[0] != match[0] and is_number(spelled[0]):
                 self._equal(at)
-                pose[channel] = float(spelled[0]) * self.kept.scale[channel]
+                pose[channel] = value_of(spelled[0]) * self.kept.scale[channel]
                 self.old, self.new = at + len(match[0]), spelled.end()
                 ahead = self.new - self.old
         self._equal(int(self.kept.starts[frame + 1]))

@@ -18,9 +18,21 @@ QUOTED_CHARACTERS = 40
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 TOKEN = re.compile(rb"\S+")
-WORD = re.compile(rb"[^\s,()#]+")
+NUMBER = re.compile(rb"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
+MISSING_SPELLINGS = (
+    # C, C++, Python and JavaScript: nan, nan(ind), nan(0x8000000000000), inf, infinity; AIX adds NaNQ and NaNS.
+    rb"nan(?:[qs]|\(\w*\))?|inf(?:inity)?"
+    # Microsoft C before 2015: 1.#QNAN and the like, with zeros up to the digits asked for.
+    rb"|1\.\#(?:[qs]nan|ind|inf)0*"
+    # The same rounded as if its letters were digits, to three, two and one of them: 1.#QO, 1.#IO, 1.#R, 1.#J, 1.$.
+    rb"|1\.(?:\#(?:[qs]nb|[qs]o|io|[rtj])|\$)"
+)
+"""Words that programs print for what is no number, without their signs."""
+MISSING = re.compile(rb"[+-]?(?:%s)" % MISSING_SPELLINGS, re.IGNORECASE)
+MISSING_WORD = re.compile(rb"(?<![^\s,()#])[+-]?(?:%s)(?![^\s,()#])" % MISSING_SPELLINGS, re.IGNORECASE)
+"""Such a word in a text that is not blanked."""
+WORD = re.compile(rb"%s|[^\s,()#]+" % MISSING_WORD.pattern, re.IGNORECASE)
 """A token of a text that is not blanked."""
-NUMBER = re.compile(rb"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?|nan)", re.IGNORECASE)
 COMMENT = re.compile(rb"#[^\r\n]*")
 PLAIN = bytes([*range(ord("!"), ord("~") + 1), *b" \t\n\r\x0b\x0c"])
 """Characters of ASCII that print, and white space as ``bytes.split`` knows it."""
@@ -42,7 +54,24 @@ def blank(raw: bytes) -> bytes:
     """Return a text of the same length with spaces for a byte order mark and for what Acclaim files ignore.
 
     Ignored are comments from ``#`` to the end of the line, commas and round brackets (limits of a bone stand in them).
+    Brackets and ``#`` that belong to a missing number, as in ``-nan(ind)`` and ``1.#QNAN``, stay.
     """
+    if not any(mark in raw for mark in (b"n(", b"N(", b".#")):
+        return _blank(raw)
+    # The missing numbers are hidden behind letters, and put back where no comment covers them.
+    spans = [match.span() for match in MISSING_WORD.finditer(raw)]
+    hidden = bytearray(raw)
+    for first, stop in spans:
+        hidden[first:stop] = b"x" * (stop - first)
+    text = bytearray(_blank(bytes(hidden)))
+    for first, stop in spans:
+        if text[first : first + 1] == b"x":
+            text[first:stop] = raw[first:stop]
+    return bytes(text)
+
+
+def _blank(raw: bytes) -> bytes:
+    """Return what ``blank`` does for a text in which no missing number has a bracket or ``#``."""
     text = raw.translate(SEPARATORS_TO_SPACES) if any(mark in raw for mark in (b",", b"(", b")")) else raw
     text = b"   " + text[3:] if text.startswith(BYTE_ORDER_MARK) else text
     # Comments end at the line of the last mark; in most files that is the header.
@@ -72,16 +101,28 @@ def quote(token: bytes) -> str:
 
 
 def number(path: Path, token: bytes, line: int) -> float:
-    """Return the value of a number, NaN allowed; raise FormatError if the token is no number or too large."""
+    """Return the value of a number, NaN for a missing one; raise FormatError if the token is no number or too large."""
     if not is_number(token):
         message = f"a number must be decimal and at most {LARGEST_NUMBER:g}. Got {quote(token)}."
         raise FormatError(path, message, line=line)
-    return float(token)
+    return value_of(token)
 
 
 def is_number(token: bytes) -> bool:
-    """Whether a token is a decimal number that is not too large, or NaN."""
-    return NUMBER.fullmatch(token) is not None and not abs(float(token)) > LARGEST_NUMBER
+    """Whether a token is a decimal number that is not too large, or a missing one."""
+    if NUMBER.fullmatch(token):
+        return abs(float(token)) <= LARGEST_NUMBER
+    return is_missing(token)
+
+
+def is_missing(token: bytes) -> bool:
+    """Whether a token stands for a missing number: NaN or an infinity, in the spelling of any program."""
+    return MISSING.fullmatch(token) is not None
+
+
+def value_of(token: bytes) -> float:
+    """Return the value of a token that is a number; NaN for a missing one."""
+    return np.nan if is_missing(token) else float(token)
 
 
 def numbers(path: Path, rows: Sequence[Sequence[bytes]], lines: Sequence[int]) -> Floats:
@@ -93,7 +134,7 @@ def numbers(path: Path, rows: Sequence[Sequence[bytes]], lines: Sequence[int]) -
         values = np.fromiter(map(float, chain.from_iterable(rows)), dtype=np.float64)
     except ValueError:
         values = np.array([np.inf])
-    # float() alone is fast and accepts almost the same tokens. Only where it met a fault, an infinity, or the
+    # float() alone is fast and accepts almost the same tokens. Only where it met another word, an infinity, or the
     # underscore that Python allows in numbers (1_0 is ten), are the tokens checked one by one.
     if (np.abs(values) > LARGEST_NUMBER).any() or any(b"_" in token for row in rows for token in row):
         values = np.array([number(path, t, line) for row, line in zip(rows, lines, strict=True) for t in row])
@@ -110,8 +151,15 @@ def quick_table(rows: Sequence[bytes], columns: Sequence[int] | None = None) -> 
 
     columns: of the words that are numbers, if not all are; the rows must then have equally many words. NumPy's reader
     takes a third of the time of ``float``, gives the same values, and accepts no other spelling than ``numbers`` but
-    infinities, which are too large.
+    infinities, which may be numbers that are too large.
     """
+    table = _loaded(rows, columns)
+    # Only a text that NumPy cannot read alone is searched for other spellings of missing numbers.
+    return _loaded([MISSING_WORD.sub(b"nan", row) for row in rows], columns) if table is None else table
+
+
+def _loaded(rows: Sequence[bytes], columns: Sequence[int] | None) -> Floats | None:
+    """Return the numbers of rows as NumPy reads them, or None if a word is no number or a number is too large."""
     try:
         table: Floats = np.loadtxt(rows, comments=None, ndmin=2, usecols=columns)
     except ValueError:
