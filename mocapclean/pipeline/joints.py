@@ -80,7 +80,8 @@ class HiddenJoints:
         self.right, self.fill = right, fill
         self.skeleton, self.poses, self.known = known_poses(right)
         self.rotations, self.positions = self._pose(self.poses, self.known)
-        self.take = replace(right.as_markers(), positions=np.zeros_like(right.positions))
+        zeros = np.zeros_like(right.positions)
+        self.take = replace(right.as_markers(), positions=zeros, trusted=right.trusted)
 
     def solve(self, hidden: Take, wanted: Bools) -> Solution:
         """Return the answer for a take in which more samples are hidden; its positions (F, J, 3), mm, are the errors.
