@@ -26,6 +26,11 @@ from mocapclean.cli.stages import stages_shown
 @click.option(
     "--fill-poor/--no-fill-poor", default=None, help="Also fill gaps that are graded poor or would bend a rigid pair."
 )
+@click.option(
+    "--keep-contacts/--no-keep-contacts",
+    default=None,
+    help="Skeletons: keep feet in place that stand still on both sides of a repaired span.",
+)
 @click.option("--max-error", type=float, metavar="MM", help="Leave gaps with a larger expected 3D error unfilled.")
 @click.option("--self-check/--no-self-check", default=None, help="Measure the error on hidden samples of the take.")
 @click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels; coordinates stay as they are.")

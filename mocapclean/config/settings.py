@@ -149,6 +149,8 @@ class Settings:
     """Gaps with a larger expected 3D error, mm, stay unfilled; in place of fill_poor."""
     fill_poor: bool = False
     """Also fill gaps that are graded poor, or that would bend a rigid pair of markers."""
+    keep_contacts: bool = False
+    """Keep joints of skeletons in place that stand still on both sides of a repaired span, such as planted feet."""
     grades: Grades = field(default_factory=Grades)
     self_check: Literal["auto"] | bool = "auto"
     """Measure the error on hidden trusted samples; auto: for method auto, and for methods whose traits ask for it."""

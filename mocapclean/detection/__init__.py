@@ -4,7 +4,8 @@ A rule is a module in ``rules`` and a line in ``RULES``. The module has:
 
 - ``Params``: a frozen dataclass of its parameters, with their defaults; ``replace`` is its level (``levels``);
 - ``examine(evidence, params)``: returns the samples (F, M) that the rule doubts, and its Findings;
-- ``AFTER_OTHERS = True``, if the rule must see only the samples that the other rules do not doubt.
+- ``AFTER_OTHERS = True``, if the rule must see only the samples that the other rules do not doubt;
+- ``COLUMNS``: the takes that it judges, a tuple of "markers" and "joints" (takes with poses); markers without it.
 
 ``detect`` runs the rules on the same evidence and unites their results. A finding acts or is a suspicion. A sample of a
 finding that acts is not trusted; those of a suspicion stay trusted. Where several rules find the same span, one finding
@@ -17,6 +18,9 @@ from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
+from mocapclean.arrays import Bools
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import with_one_boundary
 from mocapclean.detection.levels import REPLACE, Found, levelled
@@ -39,6 +43,9 @@ RULES: Modules[ModuleType] = Modules(
         "predict",
         "tdd",
         "outlier",
+        "pop",
+        "hold",
+        "splice",
     ),
 )
 
@@ -55,7 +62,7 @@ def detect(
     """
     if replace not in REPLACE:
         raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
-    params = with_one_boundary(_enabled(rules))
+    params = _of_kind(with_one_boundary(_enabled(rules)), "markers" if take.poses is None else "joints")
     if fix_swaps and "swap" in params:
         take = RULES["swap"].undo(Evidence(take), params.pop("swap"))
     # Within the rules every doubt counts, so that those that look after the others find what they leave.
@@ -67,8 +74,30 @@ def detect(
                 found.append(Found(params[name], *RULES[name].examine(given, params[name])))
     found = levelled(found, evidence, replace)
     findings = _united([finding for each in found for finding in each.findings])
-    trusted = _after(evidence, found).take.trusted
-    return dataclasses.replace(take, trusted=trusted, findings=(*take.findings, *findings))
+    found_take = dataclasses.replace(take, findings=(*take.findings, *findings))
+    if take.known is not None:
+        return found_take.with_known(take.known & ~_named_channels(take, findings))
+    return dataclasses.replace(found_take, trusted=_after(evidence, found).take.trusted)
+
+
+def _of_kind(params: Mapping[str, Any], kind: str) -> dict[str, Any]:
+    """Return the parameters of the rules that judge takes of this kind of columns."""
+    return {name: own for name, own in params.items() if kind in getattr(RULES[name], "COLUMNS", ("markers",))}
+
+
+def _named_channels(take: Take, findings: Sequence[Finding]) -> Bools:
+    """Return the channels (F, C) that findings of rules distrust; a finding without channels concerns all of a joint.
+
+    Gaps of the file are left out: their missing channels are unknown already, and the others of the joint are good.
+    """
+    owners, mask = take.owners, np.zeros_like(take.known)
+    columns = {name: column for column, name in enumerate(take.markers)}
+    for finding in findings:
+        if finding.suspicion or finding.rule == "missing" or finding.marker not in columns or not finding.frames:
+            continue
+        channels = list(finding.channels) or np.flatnonzero(owners == columns[finding.marker])
+        mask[slice(*finding.frames), channels] = True
+    return mask
 
 
 def _after(evidence: Evidence, found: Sequence[Found]) -> Evidence:

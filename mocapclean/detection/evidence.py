@@ -4,6 +4,7 @@ use.
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +14,11 @@ from mocapclean.detection.exchanges import Exchange, exchange, exchanges
 from mocapclean.geometry.distances import Rigidity, rigidity
 from mocapclean.numerics.robust import median, nan_median
 from mocapclean.take import Take
+from mocapclean.take.posed import known_poses, posed
+
+if TYPE_CHECKING:
+    from mocapclean.detection.joints import JointFault
+    from mocapclean.geometry.joint_motion import JointMotion
 
 FARTHEST = 5e4  # mm: ten times the farthest coordinate from the median of its take in the captures, 5.2 m
 _FARTHEST_SHARE = 30.0  # median distances from the median: at most 14 in the captures; counts where a unit is wrong
@@ -55,6 +61,21 @@ class Evidence:
         positions = exchange(self.take.positions, self.exchanges)
         rigid = self._rigidity(positions) if self.exchanges else self.rigid
         return analyse(positions, self.plausible, rigid, self.take.rate)
+
+    @cached_property
+    def motion(self) -> "JointMotion":
+        """Return the rotations and translations of the joints of a take with poses."""
+        from mocapclean.geometry.joint_motion import joint_motion  # takes of markers need none of it
+
+        return joint_motion(*known_poses(self.take))
+
+    @cached_property
+    def joint_faults(self) -> "tuple[JointFault, ...]":
+        """Return the faults of the joints of a take with poses."""
+        from mocapclean.detection.joints import faults  # takes of markers need none of it
+
+        skeleton, _ = posed(self.take)
+        return faults(skeleton, self.motion, self.take.rate)
 
     def _rigidity(self, positions: Floats) -> Rigidity:
         """Return the rigidity of positions (F, M, 3), in which detached markers are partners of none."""

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from mocapclean.arrays import Bools, column_runs
+from mocapclean.detection.evidence import Evidence
 from mocapclean.parameters import Field, parameters
 from mocapclean.take import Finding, Take
 
@@ -49,6 +50,37 @@ def findings(
             message=message(marker, start, stop),
             advice=advice,
         )
+
+
+def joint_findings(rule: str, evidence: Evidence, advice: str) -> Ruling:
+    """Return the joints (F, J) whose channels a rule distrusts, and its findings: those faults of its kind.
+
+    A fault of which the evidence is not sure is a suspicion.
+    """
+    take, doubted, found = evidence.take, np.zeros_like(evidence.take.trusted), []
+    assert take.skeleton is not None
+    for fault in evidence.joint_faults:
+        if fault.kind != rule:
+            continue
+        doubted[fault.start : fault.stop, fault.joint] = True
+        channels = [
+            index
+            for index, channel in enumerate(take.skeleton.channels)
+            if channel.joint == fault.joint and channel.is_rotation == (fault.part == "rotation")
+        ]
+        found.append(
+            Finding(
+                rule=rule,
+                level="warning",
+                marker=take.markers[fault.joint],
+                frames=(fault.start, fault.stop),
+                message=fault.message,
+                advice=advice,
+                suspicion=not fault.is_sure,
+                channels=tuple(channels),
+            )
+        )
+    return doubted, tuple(found)
 
 
 def leap(rule: str, take: Take, marker: int, frames: tuple[int, int], message: str, advice: str) -> Finding:

@@ -60,9 +60,10 @@ class Capture:
 
     @cached_property
     def take(self) -> Take:
-        """Return the take in the file, or its first frames."""
+        """Return the take in the file, or its first frames, as markers: the papers judge positions."""
         options = self.options
         take = formats.read(self.path, skeleton=options.skeleton, rate=options.rate, unit=options.unit)
+        take = take.as_markers()
         return take.crop(0, self.n_frames) if self.n_frames else take
 
 

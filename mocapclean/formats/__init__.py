@@ -144,7 +144,7 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
 
     A take that was read from this format becomes a copy of its own file in which only the changed samples differ. Any
     other take becomes a new file: from its positions (C3D), or from its poses (BVH; AMC with an .asf beside it, named
-    by what comes before the first ``_``). For formats of poses, joint angles are first fitted to the changed joints.
+    by what comes before the first ``_``).
     invalidate: mark samples missing, where the format has a mark, that are neither trusted nor filled. Raises
     UsageError when ``path`` is the take's own file, when it exists and ``overwrite`` is false, and when the format
     cannot express the take; FormatError when the file cannot be written.
@@ -158,29 +158,21 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
 
 
 def _write_copy(name: str, take: Take, path: Path, invalidate: bool) -> Take:
-    """Fit, write and prove a copy of the take's own file."""
+    """Write and prove a copy of the take's own file."""
     module = FORMATS[name]
     assert take.origin is not None
     with new_file(path) as part:
-        if DECLARATIONS[name].stores == "poses":
-            from mocapclean.formats.fitting import fit_poses  # inverse kinematics, for poses alone
-
-            take = fit_poses(take, take.origin.document.spelled)
         written = module.write(take, part, invalidate=invalidate)
         module.prove(written, part)
         return written
 
 
 def _write_new(name: str, take: Take, path: Path, overwrite: bool) -> Take:
-    """Fit, and create a new file, with a new skeleton file where the format needs one."""
+    """Create a new file, with a new skeleton file where the format needs one."""
     facts = DECLARATIONS[name]
     with ExitStack() as stack:
         part = stack.enter_context(new_file(path))
         try:
-            if facts.stores == "poses":
-                from mocapclean.formats.fitting import fit_poses  # inverse kinematics, for poses alone
-
-                take = fit_poses(take)
             FORMATS[name].create(take, part)
         except UsageError as unfit:
             raise UsageError(f"{path}: {unfit}") from None

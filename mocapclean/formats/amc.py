@@ -19,13 +19,12 @@ from mocapclean.formats import poses as kept
 from mocapclean.formats.alike import MOST_DIGITS, frames_alike
 from mocapclean.formats.asf import Asf, columns
 from mocapclean.formats.declarations import AMC_RATE, ASF_SUFFIX
-from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.skeleton_files import find_skeleton
 from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quick_table, quote
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
-from mocapclean.take.posed import posed_take
+from mocapclean.take.posed import posed, posed_take
 
 CREATED_DECIMALS = 6
 """Decimals of a created file's numbers, degrees and ASF units. Chosen by hand, as the BVH files have them."""

@@ -19,7 +19,6 @@ from mocapclean.arrays import Floats, evenly_spaced
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import poses as kept
 from mocapclean.formats.declarations import CENTIMETRE
-from mocapclean.formats.fitting import posed
 from mocapclean.formats.poses import PoseDocument
 from mocapclean.formats.text import (
     BYTE_ORDER_MARK,
@@ -38,7 +37,7 @@ from mocapclean.formats.units import BodyScale, body_scale, given_scale
 from mocapclean.geometry.skeleton import Channel, Skeleton
 from mocapclean.numerics.robust import median
 from mocapclean.take import Finding, Origin, ReadOptions, Take
-from mocapclean.take.posed import posed_take
+from mocapclean.take.posed import posed, posed_take
 
 CREATED_DECIMALS = 6
 """Decimals of a created file's numbers, degrees and centimetres. As BVH exporters write them; chosen by hand."""
@@ -135,7 +134,7 @@ def _bvhio_tree(skeleton: Skeleton, columns: list[list[int]]) -> tuple[Any, list
         node = nodes[joint]
         node.Offset = type(node.Offset)(*(skeleton.before[joint] / CENTIMETRE))
         node.EndSite = node.Offset * 0
-        node.Channels = [_spell_channel(skeleton.channels[column]) for column in columns[joint]]
+        node.Channels = [skeleton.channels[column].name for column in columns[joint]]
         if parent >= 0:
             nodes[parent].Children.append(node)
     root = nodes[skeleton.parents.index(-1)]
@@ -192,11 +191,6 @@ def _columns(skeleton: Skeleton) -> list[list[int]]:
     for index in [*shifts, *skeleton.product]:
         columns[skeleton.channels[index].joint].append(index)
     return columns
-
-
-def _spell_channel(channel: Channel) -> str:
-    """Return the name of a channel, such as ``Xrotation``."""
-    return "XYZ"[channel.axis] + ("rotation" if channel.is_rotation else "position")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Poses as rotations and translations of joints: unit quaternions instead of Euler angles, and the way back.
 
-A quaternion is (w, x, y, z). Q and -Q are the same rotation, and one rotation has many Euler angles. Along the frames of
-a joint the quaternions have the sign nearest to the frame before, so that a whole turn of an angle is no event.
+A quaternion is (w, x, y, z). Q and -Q are the same rotation, and one rotation has many Euler angles. Along the frames
+of a joint the quaternions have the sign nearest to the frame before, so that a whole turn of an angle is no event.
 Source: K. Shoemake, 1985, Animating rotation with quaternion curves, doi:10.1145/325165.325242.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, runs
-from mocapclean.geometry.inverse_kinematics.euler import (
+from mocapclean.geometry.euler import (
     bridge,
     euler_angles,
     is_ball,
@@ -32,7 +32,8 @@ class JointMotion:
     rotations: (F, J, 4) unit quaternions, identity where a joint does not turn. translations: (F, J, 3) mm, values of
     the position channels, 0 on axes without one. turns, shifts: (J,), whether the joint has rotation channels, and
     position channels. rotation_known, translation_known: (F, J), whether all of these can be trusted; True without
-    channels. Where unknown, the values are those of a straight line between the known ones.
+    channels. Where unknown, a rotation is that of a straight turn between the known ones (slerp), and a translation
+    lies on a straight line.
     """
 
     rotations: Floats
@@ -64,8 +65,9 @@ def joint_motion(skeleton: Skeleton, poses: Floats, known: Bools) -> JointMotion
     for joint, (turned, shifted) in enumerate(zip(turning, shifting, strict=True)):
         if turned:
             axes = [skeleton.channels[index].axis for index in turned]
-            rotations[:, joint] = continuous(quaternions(axes, poses[:, turned]))
             rotation_known[:, joint] = known[:, turned].all(axis=1)
+            own = quaternions(axes, poses[:, turned])
+            rotations[:, joint] = continuous(straight_turns(own, ~rotation_known[:, joint]))
         for index in shifted:
             translations[:, joint, skeleton.channels[index].axis] = poses[:, index]
         if shifted:
@@ -80,9 +82,24 @@ def joint_motion(skeleton: Skeleton, poses: Floats, known: Bools) -> JointMotion
     )
 
 
-def with_motion(
-    skeleton: Skeleton, poses: Floats, wanted: Bools, rotations: Floats, translations: Floats
-) -> Floats:
+def straight_turns(rotations: Floats, unknown: Bools) -> Floats:
+    """Return rotations (F, 4) in which runs of unknown frames (F,) turn at constant speed between their ends.
+
+    A run at the first or last frame repeats the known rotation beside it. Without any known one the rotations stay.
+    """
+    turned = rotations.copy()
+    for first, stop in runs(unknown):
+        before, after = first > 0, stop < len(rotations)
+        if not (before or after):
+            break
+        left = rotations[first - 1] if before else rotations[stop]
+        right = rotations[stop] if after else rotations[first - 1]
+        share = np.arange(1, stop - first + 1)[:, None] / (stop - first + 1)
+        turned[first:stop] = times(left, from_vectors(share * rotation_vectors(times(conjugate(left), right))))
+    return turned
+
+
+def with_motion(skeleton: Skeleton, poses: Floats, wanted: Bools, rotations: Floats, translations: Floats) -> Floats:
     """Return poses (F, C) whose wanted channels (F, C) follow rotations (F, J, 4) and translations (F, J, 3).
 
     All other channels keep their values. Where some rotation channels of a joint are wanted, those angles come nearest
@@ -163,7 +180,7 @@ def times(one: Floats, other: Floats) -> Floats:
     """Return the products (..., 4) of quaternions."""
     a, b, c, d = np.moveaxis(one, -1, 0)
     e, f, g, h = np.moveaxis(other, -1, 0)
-    return np.stack(
+    product: Floats = np.stack(
         [
             a * e - b * f - c * g - d * h,
             a * f + b * e + c * h - d * g,
@@ -172,11 +189,12 @@ def times(one: Floats, other: Floats) -> Floats:
         ],
         axis=-1,
     )
+    return product
 
 
 def conjugate(rotations: Floats) -> Floats:
     """Return the inverse rotations (..., 4) of unit quaternions."""
-    return rotations * np.array([1.0, -1.0, -1.0, -1.0])
+    return np.asarray(rotations * np.array([1.0, -1.0, -1.0, -1.0]))
 
 
 def continuous(rotations: Floats) -> Floats:
@@ -195,7 +213,7 @@ def rotation_vectors(rotations: Floats) -> Floats:
     angle = 2.0 * np.arctan2(sine, signed[..., :1])
     # a / sin(a / 2), which is 2 for a = 0
     scale = np.where(sine > _SMALL_ANGLE, angle / np.where(sine > _SMALL_ANGLE, sine, 1.0), 2.0)
-    return np.degrees(scale * signed[..., 1:])
+    return np.asarray(np.degrees(scale * signed[..., 1:]))
 
 
 def from_vectors(vectors: Floats) -> Floats:
@@ -220,4 +238,4 @@ def matrices(rotations: Floats) -> Floats:
         [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    return np.asarray(np.stack([np.stack(row, axis=-1) for row in rows], axis=-2))

@@ -27,6 +27,11 @@ class Channel:
     axis: int
     is_rotation: bool
 
+    @property
+    def name(self) -> str:
+        """The name of the channel as BVH spells it, such as ``Xrotation``."""
+        return "XYZ"[self.axis] + ("rotation" if self.is_rotation else "position")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Skeleton:

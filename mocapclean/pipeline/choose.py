@@ -9,9 +9,10 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import MocapcleanError, SolverError
 from mocapclean.evaluation import self_check
 from mocapclean.evaluation.self_check import HiddenGaps, SelfCheck
+from mocapclean.pipeline.filling import answer
+from mocapclean.pipeline.joints import HiddenJoints
 from mocapclean.pipeline.outcome import Candidate, MethodChoice
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
 
 
@@ -23,7 +24,7 @@ def solver(
     begun: the answer of the method for the take with more samples trusted, or None.
     """
     params = settings.methods[method]
-    return lambda take, wanted: run_method(method, take, params, wanted=wanted, dictionary=dictionary, begun=begun)
+    return lambda take, wanted: answer(method, take, params, wanted, dictionary, begun)
 
 
 def settle_method(
@@ -47,7 +48,7 @@ def check_filled(
     solve = solver(settings.method, settings, dictionary, solution)
     try:
         with progress.within("self-check"):
-            return self_check.check(take, wanted, solve, settings.hiding, settings.too_uncertain)
+            return _hidden_and_filled(take, wanted, solve, settings, settings.too_uncertain)
     except SolverError as error:
         return SelfCheck(because=f"with more samples hidden the method fails: {error}")
 
@@ -112,9 +113,23 @@ def checked_before_filling(
 ) -> SelfCheck:
     """Return the self-check of a method, which first fills the wanted samples (F, M) if it goes gap by gap."""
     solve = solver(method, settings, dictionary)
-    if SOLVERS[method].TRAITS.gap_by_gap:
+    if SOLVERS[method].TRAITS.gap_by_gap and take.poses is None:
         solve = solver(method, settings, dictionary, solve(take, wanted))
-    return self_check.check(take, wanted, solve, settings.hiding)
+    return _hidden_and_filled(take, wanted, solve, settings)
+
+
+def _hidden_and_filled(
+    take: Take,
+    wanted: Bools,
+    solve: Callable[[Take, Bools], Solution],
+    settings: Settings,
+    leave: Callable[[float | None], bool] = lambda expected: False,
+) -> SelfCheck:
+    """Return the self-check of a method; with poses the errors are those of the joints' far ends."""
+    if take.poses is None:
+        return self_check.check(take, wanted, solve, settings.hiding, leave)
+    joints = HiddenJoints(take, solve)
+    return self_check.check(joints.take, wanted, joints.solve, settings.hiding, leave)
 
 
 def _rank(total: HiddenGaps) -> tuple[int, float]:

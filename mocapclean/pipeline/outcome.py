@@ -19,7 +19,10 @@ class GapReport:
     and n_replaced how many of these are in the file. largest_move: mm, between the file and the output, for these.
     status: the status of its samples, or the most frequent one of those that were left. expected: the 3D error, mm,
     that the method expects of the samples it answered; None where it gives no sd. grade: the grade of a filled gap,
-    one of ``GRADES``, or "". error: the error against the reference, if one was given.
+    one of ``GRADES``, or "". error: the error against the reference, if one was given. Of a joint also: channels: those
+    that are not trusted. expected_degrees: the size of the rotation error that the method expects. largest_turn:
+    degrees, between the file and the output, for replaced samples. fitted: mm, the largest distance between where the
+    method put what hangs on the joint and where the stored pose has it.
     """
 
     marker: str
@@ -33,6 +36,10 @@ class GapReport:
     expected: float | None = None
     grade: str = ""
     error: Error | None = None
+    channels: tuple[str, ...] = ()
+    expected_degrees: float | None = None
+    largest_turn: float | None = None
+    fitted: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,6 +111,7 @@ class Outcome:
     status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
     largest_move: mm, the largest distance between a replaced sample in the file and in the output. outdated: the
     carried points that may have been computed from a changed marker.
+    contacts_broken: joint, first and last frame number of the contacts that the repair breaks; None for markers.
     Lengths are millimetres, spans are half-open indices.
     """
 
@@ -130,13 +138,13 @@ class Outcome:
     gaps: tuple[GapReport, ...] = ()
     findings: tuple[Finding, ...] = ()
     outdated: tuple[str, ...] = ()
+    contacts_broken: tuple[tuple[str, int, int], ...] | None = None
     solution: Mapping[str, Any] = field(default_factory=dict)
     reference: Path | None = None
     accuracy: Error | None = None
     accuracy_by_marker: Mapping[str, Error] = field(default_factory=dict)
     accuracy_by_length: Mapping[str, Error] = field(default_factory=dict)
     self_check: SelfCheck | None = None
-    fitting: Error | None = None
     bones_from: str = ""
     bones: tuple[BoneReport, ...] = ()
     skeleton_rmse: tuple[float | None, float | None] = (None, None)

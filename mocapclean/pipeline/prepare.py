@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean import formats, progress
-from mocapclean.arrays import Ints
+from mocapclean.arrays import Bools, Ints
 from mocapclean.config.settings import Settings
 from mocapclean.detection import detect
 from mocapclean.detection.spans import distrust, read_spans
@@ -22,13 +22,15 @@ from mocapclean.take.names import is_pattern, matching_columns, similar_names
 class Prepared:
     """A take as read, and the markers to work on with their trust lowered.
 
-    whole: all markers of the file. selected: the markers that ``--exclude`` leaves, after detection. columns: the
-    place of each selected marker in the whole take.
+    whole: all markers of the file. selected: the markers that ``--exclude`` leaves, after detection; with poses all
+    joints, because each is part of the skeleton. columns: the place of each selected marker in the whole take.
+    excluded: those selected joints (M,) that ``--exclude`` names.
     """
 
     whole: Take
     selected: Take
     columns: Ints
+    excluded: Bools
 
     @property
     def format(self) -> str:
@@ -45,7 +47,14 @@ class Prepared:
         arrays = {name: getattr(self.whole, name).copy() for name in ("positions", "trusted", "filled", "moved")}
         for name, array in arrays.items():
             array[:, self.columns] = getattr(selected, name)
-        return replace(self.whole, findings=selected.findings, exchanged=selected.exchanged, **arrays)
+        return replace(
+            self.whole,
+            findings=selected.findings,
+            exchanged=selected.exchanged,
+            poses=selected.poses,
+            known=selected.known,
+            **arrays,
+        )
 
 
 def prepare(source: Path, settings: Settings) -> Prepared:
@@ -62,15 +71,25 @@ def prepare(source: Path, settings: Settings) -> Prepared:
             excluded[matching(pattern, whole.markers, "--exclude")] = True
     if excluded.all():
         raise UsageError(f"{source}: --exclude must leave at least one marker.")
-    columns = np.flatnonzero(~excluded)
+    columns = np.flatnonzero(~excluded | (whole.poses is not None))
     # The file's own gaps come first, so that a span of the user over a gap is not reported as missing by the user.
     selected = detect(whole.select(columns), {"missing": settings.rules["missing"]})
     if settings.gaps:
         selected = distrust(selected, read_spans(settings.gaps))
     rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
     with progress.within("detecting"):
-        selected = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
-    return Prepared(whole=whole, selected=selected, columns=columns)
+        found = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
+    selected = _without(found, selected, excluded[columns])
+    return Prepared(whole=whole, selected=selected, columns=columns, excluded=excluded[columns])
+
+
+def _without(found: Take, before: Take, excluded: Bools) -> Take:
+    """Return a take after detection in which excluded joints (J,) keep their trust and have no findings of rules."""
+    if found.known is None or before.known is None or not excluded.any():
+        return found
+    names = {name for name, is_out in zip(found.markers, excluded, strict=True) if is_out}
+    findings = tuple(f for f in found.findings if f.marker not in names or f.rule == "missing")
+    return found.with_known(np.where(excluded[found.owners], before.known, found.known), findings=findings)
 
 
 def _read(source: Path, settings: Settings) -> Take:

@@ -1,6 +1,6 @@
 """Repair one take: prepare, fill, write, verify, and record what happened."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -19,11 +19,12 @@ from mocapclean.files import check_output
 from mocapclean.pipeline import sidecar
 from mocapclean.pipeline.bending import bending
 from mocapclean.pipeline.choose import check_filled, settle_method, solver
+from mocapclean.pipeline.contacts import Contact, broken, contacts, kept
 from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
-from mocapclean.pipeline.summary import summarise, with_accuracy
+from mocapclean.pipeline.summary import Turns, summarise, with_accuracy
 from mocapclean.pipeline.view import Keep, view
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
@@ -58,7 +59,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
     truth = read_reference(selected, settings)
     library = load(settings.dictionary) if settings.dictionary else None
     codes = detected(selected)
-    wanted = _request(selected, codes, settings)
+    wanted = _request(prepared, codes, settings)
     checks_itself = settings.checks_itself
     settings, choice, checked = settle_method(selected, wanted, settings, library)
     if selected.trusted.all():
@@ -76,6 +77,9 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(prepared, codes, solution, sd, settings)
     merged = merge(selected, solution, supplied(codes))
+    around = contacts(selected, merged.filled) if selected.poses is not None else ()
+    if settings.keep_contacts:
+        merged = kept(selected, merged, around)
     progress.stage("writing")
     written = formats.write(
         prepared.with_selected(merged), output, invalidate=settings.invalidate, overwrite=settings.overwrite
@@ -85,7 +89,8 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
         _record_written(codes, after, _writer_reason(written))
         if arrays:
             sidecar.save(arrays, selected, after, codes, sd, settings.method)
-        outcome = summarise(selected, after, codes, settings, sd)
+        outcome = summarise(selected, after, codes, settings, sd, _turns(selected, solution, sd))
+        outcome = replace(outcome, contacts_broken=_contacts_broken(after, around))
         if truth is not None:
             outcome = with_accuracy(outcome, after, truth)
         if keep is not None:
@@ -104,7 +109,6 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
             outdated=formats.outdated(written),
             solution=_facts(solution),
             self_check=checked,
-            fitting=metrics.error(merged.positions, after.positions, after.changed),
             reference=settings.reference,
         )
 
@@ -119,13 +123,15 @@ def _removed_on_failure(output: Path) -> Iterator[None]:
         raise
 
 
-def _request(selected: Take, codes: Codes, settings: Settings) -> Bools:
+def _request(prepared: Prepared, codes: Codes, settings: Settings) -> Bools:
     """Return the samples (F, M) that the options allow to be filled, and set the status of untrusted ones that stay
     unfilled.
     """
+    selected = prepared.selected
     asked_for = np.full(selected.trusted.shape, not settings.markers)
     for pattern in settings.markers:
         asked_for[:, matching(pattern, selected.markers, "--markers")] = True
+    asked_for &= ~prepared.excluded
     decide(codes, ~asked_for, Status.NOT_ASKED_FOR)
     never_seen = np.broadcast_to(~selected.trusted.any(axis=0), asked_for.shape)
     decide(codes, never_seen, Status.NEVER_SEEN)
@@ -148,11 +154,34 @@ def _error_bars(selected: Take, solution: Solution, wanted: Bools, settings: Set
     return np.where(wanted & solution.filled & ~selected.trusted, solution.sd, np.nan)
 
 
+def _contacts_broken(after: Take, around: Sequence[Contact]) -> tuple[tuple[str, int, int], ...] | None:
+    """Return joint, first and last frame number of each contact that the repair breaks; None for markers."""
+    if after.poses is None:
+        return None
+    return tuple((after.markers[c.joint], *after.numbers(c.start, c.stop)) for c in broken(after, around))
+
+
+def _turns(selected: Take, solution: Solution, sd: Floats | None) -> Turns | None:
+    """Return what the answer for a take with poses is worth in degrees, and how well its poses were fitted.
+
+    Bars in degrees are wider by as much as those in millimetres.
+    """
+    if selected.poses is None:
+        return None
+    degrees = None
+    if solution.sd_degrees is not None and solution.sd is not None and sd is not None:
+        wider = np.divide(sd, solution.sd, out=np.ones_like(sd), where=solution.sd > 0.0)
+        degrees = np.where(np.isfinite(sd), solution.sd_degrees * wider, np.nan)
+    return Turns(sd=degrees, misfit=solution.misfit)
+
+
 def _set_final_status(
     prepared: Prepared, codes: Codes, solution: Solution, sd: Floats | None, settings: Settings
 ) -> None:
     """Set the final status of every untrusted sample that has none yet: filled, or the reason why not."""
     selected = prepared.selected
+    if solution.unreachable is not None:
+        decide(codes, solution.unreachable, Status.NO_POSE)
     nothing_seen = np.broadcast_to(~selected.trusted.any(axis=1, keepdims=True), codes.shape)
     decide(codes, ~solution.filled & nothing_seen, Status.NOTHING_SEEN)
     decide(codes, ~solution.filled & _gaps_at_ends(selected), Status.AT_END)

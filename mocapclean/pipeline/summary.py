@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -10,17 +10,39 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.evaluation import metrics
+from mocapclean.geometry.joint_motion import angles_between, joint_motion
+from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.pipeline.outcome import BoneReport, Counts, GapReport, Outcome
 from mocapclean.take import Take
 from mocapclean.take.bones import bones_of
 from mocapclean.take.status import Codes, Status, supplied
 
 
-def summarise(before: Take, after: Take, codes: Codes, settings: Settings, sd: Floats | None = None) -> Outcome:
+@dataclass(frozen=True, kw_only=True)
+class Turns:
+    """What is known of the answer for a take with poses besides millimetres.
+
+    sd: (F, J) degrees, the error bars of rotations about each axis, NaN without an answer; None without any. misfit:
+    (F, J) mm, see ``Solution``.
+    """
+
+    sd: Floats | None = None
+    misfit: Floats | None = None
+
+
+def summarise(
+    before: Take,
+    after: Take,
+    codes: Codes,
+    settings: Settings,
+    sd: Floats | None = None,
+    turns: Turns | None = None,
+) -> Outcome:
     """Return the counts, gaps and bones of a take, as an Outcome without paths, hashes and method.
 
     before: the take with the trust that detection left. after: the take as it was written. codes: (F, M) the status of
     every sample. sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
+    turns: for takes with poses.
     """
     counts = _counts(before, codes, settings)
     moves = _moves(before, after, codes)
@@ -39,7 +61,7 @@ def summarise(before: Take, after: Take, codes: Codes, settings: Settings, sd: F
         counts=counts,
         statuses=_statuses(codes),
         largest_move=_largest(moves),
-        gaps=_gaps(before, codes, moves, settings, sd),
+        gaps=_with_turns(_gaps(before, codes, moves, settings, sd), before, after, codes, turns or Turns()),
         findings=after.findings,
         bones_from=bones_from,
         bones=bones,
@@ -71,9 +93,57 @@ def _statuses(codes: Codes) -> Mapping[Status, int]:
 
 
 def _moves(before: Take, after: Take, codes: Codes) -> Floats:
-    """Return the distances (F, M), mm, of replaced samples between the file and the output, NaN for all others."""
+    """Return the distances (F, M), mm, of replaced samples between the file and the output, NaN for all others.
+
+    A joint counts with all that hangs on it, because its own rotation moves those alone.
+    """
     distances = np.linalg.norm(after.positions - before.positions, axis=2)
+    if before.skeleton is not None and before.poses is not None:
+        distances = _farthest_below(before.skeleton, distances)
     return np.where(codes == Status.REPLACED, distances, np.nan)
+
+
+def _farthest_below(skeleton: Skeleton, distances: Floats) -> Floats:
+    """Return for each joint the largest of its distance (F, J) and those of all that hangs on it."""
+    farthest = distances.copy()
+    for joint in reversed(range(len(skeleton.parents))):
+        if (parent := skeleton.parents[joint]) >= 0:
+            farthest[:, parent] = np.maximum(farthest[:, parent], farthest[:, joint])
+    return farthest
+
+
+def _with_turns(
+    gaps: tuple[GapReport, ...], before: Take, after: Take, codes: Codes, turns: Turns
+) -> tuple[GapReport, ...]:
+    """Return the gaps with their channels and degrees, for a take with poses; any others as they are."""
+    if before.skeleton is None or before.poses is None or before.known is None or not gaps:
+        return gaps
+    assert after.poses is not None
+    skeleton, owners = before.skeleton, before.owners
+    turned = _turned(skeleton, before.poses, after.poses, codes)
+    columns = {name: column for column, name in enumerate(before.markers)}
+    reports = []
+    for gap in gaps:
+        joint = columns[gap.marker]
+        span = (slice(gap.start, gap.stop), joint)
+        unknown = ~before.known[gap.start : gap.stop].all(axis=0) & (owners == joint)
+        sd = turns.sd[span] if turns.sd is not None else None
+        reports.append(
+            replace(
+                gap,
+                channels=tuple(skeleton.channels[index].name for index in np.flatnonzero(unknown)),
+                expected_degrees=metrics.expected_error(sd) if sd is not None and gap.n_filled else None,
+                largest_turn=_largest(turned[span]),
+                fitted=float(turns.misfit[span].max()) if turns.misfit is not None and gap.n_filled else None,
+            )
+        )
+    return tuple(reports)
+
+
+def _turned(skeleton: Skeleton, before: Floats, after: Floats, codes: Codes) -> Floats:
+    """Return the degrees (F, J) that replaced samples turn between the file and the output, NaN for all others."""
+    rotations = [joint_motion(skeleton, poses, np.isfinite(poses)).rotations for poses in (before, after)]
+    return np.where(codes == Status.REPLACED, angles_between(*rotations), np.nan)
 
 
 def _largest(moves: Floats) -> float | None:

@@ -7,11 +7,10 @@ import numpy as np
 
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.errors import UsageError
-from mocapclean.pipeline.filling import merge
+from mocapclean.pipeline.filling import answer, merge
 from mocapclean.pipeline.view import View
 from mocapclean.report import figures
 from mocapclean.solvers import SOLVERS
-from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 from mocapclean.take.status import Codes, detected, supply
 
@@ -47,7 +46,7 @@ def plot_gap(take: Take, marker: str, frame: int) -> "Figure":
     column = take.markers.index(marker)
     view = view_of(take)
     if not (take.trusted | take.filled)[index, column]:
-        solution = run_method(DEFAULT_METHOD, take, SOLVERS[DEFAULT_METHOD].Params())
+        solution = answer(DEFAULT_METHOD, take, SOLVERS[DEFAULT_METHOD].Params(), np.ones_like(take.trusted))
         filled = merge(take, solution, np.ones_like(take.trusted))
         view = View(before=take, after=filled, codes=_codes(filled), sd=solution.sd)
     return figures.curves(view, marker, figures.around(view, marker, index))

@@ -14,7 +14,7 @@ from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-SCHEMA = 3  # version of the schema, raised with every change of the report
+SCHEMA = 4  # version of the schema, raised with every change of the report
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
 _COUNTS = ("samples", "untrusted", "filled", "replaced", "left", "suspicious")
@@ -155,8 +155,10 @@ def row(outcome: Outcome) -> dict[str, Any]:
             "by_gap_length": plain(outcome.accuracy_by_length),
         },
         "self_check": plain(outcome.self_check),
-        "stored_minus_solved": plain(outcome.fitting),
         "outdated_points": list(outcome.outdated),
+        "contacts_broken": None
+        if outcome.contacts_broken is None
+        else [{"joint": joint, "first": start, "last": stop} for joint, start, stop in outcome.contacts_broken],
         "bones": {
             "from": outcome.bones_from,
             "skeleton_rmse": {"before": outcome.skeleton_rmse[0], "after": outcome.skeleton_rmse[1]},
@@ -182,6 +184,10 @@ def _gap(gap: GapReport, first: int) -> dict[str, Any]:
         "expected_3d": plain(gap.expected),
         "grade": gap.grade or None,
         "error": plain(gap.error),
+        "channels": list(gap.channels),
+        "expected_degrees": plain(gap.expected_degrees),
+        "largest_turn": plain(gap.largest_turn),
+        "fitted": plain(gap.fitted),
     }
 
 

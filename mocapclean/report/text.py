@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mocapclean.errors import printable
 from mocapclean.evaluation.metrics import GRADES, Error
+from mocapclean.formats.declarations import DECLARATIONS
 from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
@@ -30,6 +31,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         *_self_check(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
+        *_contacts(outcome),
         *_outdated(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
@@ -73,7 +75,7 @@ def verdict(take: Verdict, *, verbose: bool = False) -> str:
     With ``verbose``, every breach has a line of its own, with advice.
     """
     if take.passes:
-        shape = f"{_count(take.n_markers, 'marker')} x {_count(take.n_frames, 'frame')}"
+        shape = f"{_count(take.n_markers, column(take.format))} x {_count(take.n_frames, 'frame')}"
         missing, distrusted = take.measures["missing"], take.measures["distrusted"]
         return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted or suspicious"
     if verbose:
@@ -111,11 +113,18 @@ def _count(number: int, word: str) -> str:
     return f"{number:,} {word}{'' if number == 1 else 's'}"
 
 
+def column(format_name: str) -> str:
+    """Return what the samples of a format are of: "marker" or "joint"."""
+    facts = DECLARATIONS.get(format_name)
+    return "joint" if facts and facts.columns == "joints" else "marker"
+
+
 def _shape(outcome: Outcome) -> str:
     first, last = outcome.first_frame, outcome.first_frame + outcome.n_frames - 1
     seconds = outcome.n_frames / outcome.rate
+    columns = _count(outcome.n_markers, column(outcome.format))
     return (
-        f"{outcome.format.upper()}, {_count(outcome.n_markers, 'marker')} x {_count(outcome.n_frames, 'frame')} "
+        f"{outcome.format.upper()}, {columns} x {_count(outcome.n_frames, 'frame')} "
         f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
     )
 
@@ -187,9 +196,13 @@ def _filled(outcome: Outcome) -> str:
 def _replaced(outcome: Outcome) -> Iterable[str]:
     """Yield how many measured samples were replaced, of how many markers, and by how far at most."""
     if outcome.counts and outcome.counts.replaced:
-        markers = {gap.marker for gap in outcome.gaps if gap.n_replaced}
+        replaced = [gap for gap in outcome.gaps if gap.n_replaced]
+        number = len({gap.marker for gap in replaced})
+        turns = [gap.largest_turn for gap in replaced if gap.largest_turn is not None]
+        turned = f" and {max(turns):.1f} degrees" if turns else ""
         samples = _count(outcome.counts.replaced, "measured sample")
-        yield _line("replaced", f"{samples} of {_count(len(markers), 'marker')}, by up to {_mm(outcome.largest_move)}")
+        moved = f"by up to {_mm(outcome.largest_move)}{turned}"
+        yield _line("replaced", f"{samples} of {_count(number, column(outcome.format))}, {moved}")
 
 
 def _left(outcome: Outcome) -> Iterable[str]:
@@ -214,10 +227,16 @@ def _expected(outcome: Outcome) -> Iterable[str]:
     counts = Counter(gap.grade for gap in graded)
     yield _line("expected", ", ".join(f"{_count(counts[name], 'gap')} {name}" for name in GRADES if counts[name]))
     worst = ", ".join(
-        f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_mm(gap.expected)}"
+        f"{gap.marker} {gap.start + outcome.first_frame}-{gap.stop - 1 + outcome.first_frame} {_size(gap)}"
         for gap in graded[:3]
     )
     yield _line("", f"largest error expected in 3D: {worst}")
+
+
+def _size(gap: GapReport) -> str:
+    """Return the expected error of a gap, of a joint with its degrees."""
+    degrees = f" ({gap.expected_degrees:.1f} degrees)" if gap.expected_degrees is not None else ""
+    return f"{_mm(gap.expected)}{degrees}"
 
 
 def _accuracy(outcome: Outcome) -> Iterable[str]:
@@ -275,12 +294,19 @@ def _error(error: Error) -> str:
 
 
 def _stored(outcome: Outcome) -> Iterable[str]:
-    distance = outcome.fitting
-    if distance is not None and distance.largest >= 0.05:
-        yield _line(
-            "fitted",
-            f"{distance.rmse_3d:.2f} mm RMS in 3D from the solver's positions, largest {distance.largest:.1f} mm",
-        )
+    """Yield how far the stored poses are from the positions of a method for markers, at most."""
+    fitted = [gap for gap in outcome.gaps if gap.fitted is not None]
+    if fitted:
+        worst = max(fitted, key=lambda gap: gap.fitted or 0.0)
+        yield _line("fitted", f"poses within {_mm(worst.fitted)} of the method's positions, farthest at {worst.marker}")
+
+
+def _contacts(outcome: Outcome) -> Iterable[str]:
+    """Yield how many contacts the repair breaks, and the first ones."""
+    if outcome.contacts_broken:
+        few = ", ".join(f"{joint} {first}-{last}" for joint, first, last in outcome.contacts_broken[:_FEW_NAMES])
+        number = _count(len(outcome.contacts_broken), "contact")
+        yield _line("contacts", f"{number} broken, where a joint stood still ({few}); --keep-contacts keeps them")
 
 
 def _outdated(outcome: Outcome) -> Iterable[str]:
@@ -338,20 +364,21 @@ def _marker_table(outcome: Outcome) -> list[str]:
         share = f"{100 * samples / outcome.n_frames:.1f} %"
         rows.append([marker, str(len(gaps)), str(samples), share, str(longest.stop - longest.start), span])
     rows.sort(key=lambda row: -int(row[2]))
-    return table(rows, ["marker", "gaps", "samples", "share", "longest", "at frames"])
+    return table(rows, [column(outcome.format), "gaps", "samples", "share", "longest", "at frames"])
 
 
 def _gap_table(outcome: Outcome) -> list[str]:
     """Return the table of all gaps, without columns that are empty."""
     first, gaps = outcome.first_frame, outcome.gaps
     columns = {
-        "marker": [gap.marker for gap in gaps],
+        column(outcome.format): [gap.marker for gap in gaps],
         "first": [str(gap.start + first) for gap in gaps],
         "last": [str(gap.stop - 1 + first) for gap in gaps],
         "frames": [str(gap.stop - gap.start) for gap in gaps],
         "why": [", ".join(gap.rules) for gap in gaps],
         "what became of it": [gap.status.sentence or ("filled" if gap.n_filled else "-") for gap in gaps],
         "expected 3D mm": ["" if gap.expected is None else f"{gap.expected:.2f}" for gap in gaps],
+        "degrees": ["" if gap.expected_degrees is None else f"{gap.expected_degrees:.1f}" for gap in gaps],
         "grade": [gap.grade for gap in gaps],
         "RMSE mm": [f"{gap.error.rmse:.2f}" if gap.error else "" for gap in gaps],
     }

@@ -36,6 +36,9 @@ class Traits:
     self_checked: bool = False
     """Whether ``self_check: auto`` measures its error on hidden samples."""
 
+    turns_joints: bool = False
+    """Whether it fills the rotations of joints themselves; else their positions, to which poses are then fitted."""
+
     idle_facts: Mapping[str, float | int | str] = field(default_factory=dict)
     """The facts of its Solution where nothing can be filled."""
 

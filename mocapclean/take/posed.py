@@ -1,10 +1,13 @@
 """Takes of joints from the poses of a skeleton, by forward kinematics."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
+from mocapclean.errors import UsageError
+from mocapclean.geometry.joint_motion import bridged_poses
 from mocapclean.geometry.skeleton import Skeleton, places
 from mocapclean.take.take import Take
 
@@ -17,18 +20,33 @@ def posed_take(skeleton: Skeleton, poses: Floats, rate: float, **fields: Any) ->
     """Return the take of all joints of a skeleton in the given poses.
 
     poses: (F, C) degrees and millimetres, NaN where unknown. rate: Hz. fields: further fields of the Take. A joint is
-    untrusted, and its position NaN, in frames where a channel that decides its position is NaN.
+    untrusted in frames where one of its own channels is NaN. A straight line bridges such channels for the positions.
     """
-    positions, trusted = _joints(skeleton, poses)
-    return Take(
-        positions=positions,
-        trusted=trusted,
+    known = np.isfinite(poses)
+    take = Take(
+        positions=bridged_positions(skeleton, poses, known),
+        trusted=np.ones((len(poses), len(skeleton.names)), dtype=bool),
         markers=skeleton.names,
         rate=rate,
         skeleton=skeleton,
         poses=poses,
+        known=known,
         **fields,
     )
+    return take if known.all() else take.with_known(known)
+
+
+def posed(take: Take) -> tuple[Skeleton, Floats]:
+    """Return the skeleton and poses of a take; raise UsageError if it carries positions alone."""
+    if take.skeleton is None or take.poses is None:
+        raise UsageError("positions alone are not a pose. Write this take as .c3d.")
+    return take.skeleton, take.poses
+
+
+def known_poses(take: Take) -> tuple[Skeleton, Floats, Bools]:
+    """Return the skeleton, the poses and the known channels of a take; raise UsageError without poses."""
+    skeleton, poses = posed(take)
+    return skeleton, poses, np.isfinite(poses) if take.known is None else take.known
 
 
 def joint_positions(skeleton: Skeleton, poses: Floats) -> Floats:
@@ -40,14 +58,24 @@ def joint_positions(skeleton: Skeleton, poses: Floats) -> Floats:
     return positions
 
 
-def _joints(skeleton: Skeleton, poses: Floats) -> tuple[Floats, Bools]:
-    """Return positions (F, J, 3) and trust (F, J) of all joints."""
-    positions = joint_positions(skeleton, poses)
-    if np.isfinite(positions).all() and np.isfinite(poses).all():
-        return positions, np.ones(positions.shape[:2], dtype=bool)
-    trusted = np.all(np.isfinite(positions), axis=2)
-    # A root's position does not depend on its rotation, but a body of unknown heading is not known at all.
-    for index, channel in enumerate(skeleton.channels):
-        if skeleton.parents[channel.joint] < 0:
-            trusted[:, channel.joint] &= np.isfinite(poses[:, index])
-    return np.where(trusted[:, :, None], positions, np.nan), trusted
+def bridged_positions(skeleton: Skeleton, poses: Floats, known: Bools) -> Floats:
+    """Return the joint positions (F, J, 3), mm, of poses (F, C) in which a line bridges what is not known (F, C)."""
+    return joint_positions(skeleton, bridged_poses(skeleton, poses, known))
+
+
+def with_poses(take: Take, poses: Floats) -> Take:
+    """Return the take in other poses (F, C), with the positions that follow from them.
+
+    Frames without a different number, and without a bridged one, keep their positions to the last bit. The trust of the
+    take stays.
+    """
+    skeleton, before = posed(take)
+    finite = np.isfinite(poses)
+    differs = (poses != before) & (finite | np.isfinite(before))
+    if not differs.any():
+        return take
+    # A number that becomes known changes the line over the missing ones beside it.
+    frames = np.flatnonzero(differs.any(axis=1) | ~finite.all(axis=1))
+    positions = take.positions.copy()
+    positions[frames] = joint_positions(skeleton, bridged_poses(skeleton, poses, finite)[frames])
+    return replace(take, positions=positions, poses=poses)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mocapclean.arrays import Bools, Floats
-from mocapclean.geometry.skeleton import Skeleton
+from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.geometry.skeleton import Skeleton, influence
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -30,7 +30,8 @@ class Finding:
 
     rule: its name. message: the sentence for the user. level: "info", "warning" or "error". marker, frames: the marker
     and the half-open span of indices (start, stop) that it concerns; None for all. advice: what the user can do.
-    suspicion: whether the rule only reports its samples, which stay trusted; else they are distrusted.
+    suspicion: whether the rule only reports its samples, which stay trusted; else they are distrusted. channels: of a
+    joint, those that it concerns, by index in ``Skeleton.channels``; empty for all of them, and for markers.
     """
 
     rule: str
@@ -40,6 +41,7 @@ class Finding:
     frames: tuple[int, int] | None = None
     advice: str = ""
     suspicion: bool = False
+    channels: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,7 +101,8 @@ class Take:
     """A capture as a marker matrix.
 
     positions: (F, M, 3) float64, millimetres, finite wherever trusted.
-    trusted: (F, M) bool, False for all samples that are missing or doubtful; NaN has no meaning of its own.
+    trusted: (F, M) bool, False for all samples that are missing or doubtful; NaN has no meaning of its own. A sample of
+    a joint, in a take with poses, is its own channels; its position follows from these and from those of its parents.
     filled: (F, M) bool, untrusted samples with a position from a solver.
     moved: (F, M) bool, trusted samples that were changed at the user's request: denoised, or exchanged labels.
     exchanged: the pairs of markers whose samples were exchanged at the user's request, in that order; a format that
@@ -108,8 +111,10 @@ class Take:
     without a label; each is judged and filled by its own path alone.
     rate: frames per second exactly as stored. first_frame: the file's number of frame 0.
     skeleton: the joints and bones, if known. poses: (F, C) degrees and millimetres, the channels of the skeleton whose
-    joints are the columns, or None; changed samples are in them once they are fitted. findings: of rules and formats.
-    origin: the file, None for a take that cannot be written to one. The arrays are read-only.
+    joints are the columns, or None. known: (F, C) bool, the channels that can be trusted, or None without poses; a
+    joint is trusted where all its channels are. Positions are those of the poses in which a straight line bridges the
+    missing numbers. findings: of rules and formats. origin: the file, None for a take that cannot be written to one.
+    The arrays are read-only.
     """
 
     positions: Floats
@@ -123,6 +128,7 @@ class Take:
     first_frame: int = 1
     skeleton: Skeleton | None = None
     poses: Floats | None = None
+    known: Bools | None = None
     findings: tuple[Finding, ...] = ()
     origin: Origin | None = None
 
@@ -149,6 +155,34 @@ class Take:
                     f"poses must be frames by channels of the skeleton, {expected}. Got {self.poses.shape}."
                 )
             object.__setattr__(self, "poses", _read_only(self.poses))
+            known = self.known
+            if known is None:
+                known = np.isfinite(self.poses) & self.trusted[:, self.owners]
+            object.__setattr__(self, "known", _read_only(known))
+
+    @property
+    def owners(self) -> Ints:
+        """The joint (C,) of each channel of the poses."""
+        channels = self.skeleton.channels if self.skeleton else ()
+        return np.array([channel.joint for channel in channels], dtype=np.intp)
+
+    def with_known(self, known: Bools, **changes: Any) -> "Take":
+        """Return the take with other channels (F, C) that can be trusted, and the trust of its joints that follows."""
+        trusted = np.ones_like(self.trusted)
+        for channel, joint in enumerate(self.owners):
+            trusted[:, joint] &= known[:, channel]
+        return replace(self, known=known, trusted=trusted, **changes)
+
+    def as_markers(self) -> "Take":
+        """Return the take of its positions alone, for what works on markers; the skeleton stays, the poses go.
+
+        A joint is a trusted marker where no unknown channel decides its position.
+        """
+        trusted = self.trusted
+        if self.skeleton is not None and self.known is not None:
+            places, _ = influence(self.skeleton)
+            trusted = np.asarray(~(~self.known @ places.T))
+        return replace(self, trusted=trusted, poses=None, known=None, origin=None)
 
     @property
     def changed(self) -> Bools:
@@ -174,7 +208,8 @@ class Take:
         return mask
 
     def select(self, columns: NDArray[np.intp]) -> "Take":
-        """Return the take with these markers alone, by column, without its file."""
+        """Return the take with these markers alone, by column, without its file; poses stay with all joints alone."""
+        whole = np.array_equal(columns, np.arange(len(self.markers)))
         return replace(
             self,
             positions=self.positions[:, columns],
@@ -184,7 +219,8 @@ class Take:
             detached=self.detached[columns],
             markers=tuple(self.markers[c] for c in columns),
             exchanged=(),
-            poses=None,
+            poses=self.poses if whole else None,
+            known=self.known if whole else None,
             origin=None,
         )
 
@@ -201,6 +237,7 @@ class Take:
             first_frame=self.first_frame + start,
             exchanged=(),
             poses=None if self.poses is None else self.poses[frames],
+            known=None if self.known is None else self.known[frames],
             findings=(),
             origin=None,
         )
@@ -241,7 +278,10 @@ class Solution:
     the method ended. trace: the objective or residual after each iteration. facts: quantities that the method
     determined itself, such as a rank. outliers: (F, M, 3) millimetres, the sparse noise that a robust method removed
     from trusted samples, or None. moved: (F, M) bool, the trusted samples that the method denoised on request, or
-    None.
+    None. For a take with poses also: poses: (F, C) with the answer in the channels that were not known. sd_degrees:
+    (F, M), the standard deviation of an error about an axis, or None. misfit: (F, M) mm, how far the poses are from
+    the positions that a method for markers answered, or None. unreachable: (F, M) bool, joints that no pose brings
+    near enough to these positions, or None.
     """
 
     positions: Floats
@@ -254,3 +294,7 @@ class Solution:
     facts: Mapping[str, float | int | str] = field(default_factory=dict)
     outliers: Floats | None = None
     moved: Bools | None = None
+    poses: Floats | None = None
+    sd_degrees: Floats | None = None
+    misfit: Floats | None = None
+    unreachable: Bools | None = None

@@ -11,16 +11,13 @@ import pytest
 from conftest import capture_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from posed_takes import turned
 
-from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import FormatError, UsageError
-from mocapclean.formats import bvh, fitting
-from mocapclean.formats.fitting import fit_poses
-from mocapclean.geometry import inverse_kinematics
-from mocapclean.geometry.inverse_kinematics import FittedPoses
+from mocapclean.formats import bvh
 from mocapclean.geometry.skeleton import Channel, Skeleton, forward
 from mocapclean.take import ReadOptions, Take
-from mocapclean.take.posed import posed_take
+from mocapclean.take.posed import posed_take, with_poses
 
 FILES = capture_files("bvh")
 TEXT = b"""HIERARCHY
@@ -94,19 +91,6 @@ def refused(folder: Path, old: bytes, new: bytes) -> FormatError:
     with pytest.raises(FormatError) as caught:
         load(save(folder, TEXT.replace(old, new, 1)))
     return caught.value
-
-
-def filling(take: Take, joint: str, frames: slice, shift: float) -> Take:
-    """Return the take with one joint filled at a distance from where it was."""
-    filled, positions = take.filled.copy(), take.positions.copy()
-    column = take.markers.index(joint)
-    filled[frames, column] = True
-    positions[frames, column] += shift
-    return replace(take, positions=positions, filled=filled)
-
-
-def fit_and_write(take: Take, out: Path) -> Take:
-    return bvh.write(fit_poses(take, take.origin.document.spelled), out)
 
 
 def test_small_file_as_written(small: Path) -> None:
@@ -201,10 +185,15 @@ def test_names_latin_1_repeated_and_with_spaces(tmp_path: Path) -> None:
     assert (tmp_path / "out.bvh").read_bytes() == text
 
 
-def test_nan_distrusts_what_hangs_on_it(tmp_path: Path) -> None:
+def test_nan_is_a_missing_channel_of_its_joint_alone(tmp_path: Path) -> None:
     take = load(save(tmp_path, TEXT.replace(b"10.00 ", b"nan ").replace(b" -2.35 ", b" NaN ")))
-    assert take.trusted.tolist() == [[True, True, False, True], [False] * 4, [True] * 4, [True] * 4]
-    assert np.isnan(take.positions[~take.trusted]).all()
+    trusted = [[True, False, True, True], [False, True, True, True], [True] * 4, [True] * 4]
+    assert take.trusted.tolist() == trusted
+    assert (~take.known).sum() == 2
+    # What hangs on a missing channel is no marker that is known.
+    hidden = [[True, True, False, True], [True, False, False, False], [True] * 4, [True] * 4]
+    assert take.as_markers().trusted.tolist() == hidden
+    assert np.isfinite(take.positions).all()
 
 
 def test_unit_and_rate(tmp_path: Path, small: Path) -> None:
@@ -303,71 +292,43 @@ def test_flipped_bytes_read_or_are_refused(tmp_path: Path, flips: list[tuple[int
 
 
 def test_filled_joint_changes_only_its_numbers(tmp_path: Path, small: Path) -> None:
-    take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
+    take = turned(load(small), "Left Foot", slice(1, 3), 6.0)
     out = tmp_path / "out.bvh"
-    written = fit_and_write(take, out)
+    written = bvh.write(take, out)
     bvh.prove(written, out)
     np.testing.assert_array_equal(written.filled, take.filled)
     old, new = TEXT.splitlines(keepends=True), out.read_bytes().splitlines(keepends=True)
     assert [i for i, pair in enumerate(zip(old, new, strict=True)) if pair[0] != pair[1]] == [33, 34]
     for i in (33, 34):
         assert re.split(rb"\S+", old[i]) == re.split(rb"\S+", new[i])
-        assert old[i].split()[:6] == new[i].split()[:6]
+        assert old[i].split()[:9] == new[i].split()[:9]
         assert old[i].split()[13:] == new[i].split()[13:]
     again = load(out)
     np.testing.assert_allclose(again.positions, written.positions, atol=1e-6)
-    untouched = np.linalg.norm(again.positions - load(small).positions, axis=2)[:, [0, 1, 3]]
-    assert untouched.max() < 0.1
-    reached = np.linalg.norm(again.positions - take.positions, axis=2)[1:3, 2]
-    assert reached.max() < 6.0 * 3**0.5
+    np.testing.assert_allclose(again.poses, take.poses, atol=1e-6)
 
 
-def test_missing_joint_is_filled_and_other_nan_stay(tmp_path: Path, small: Path) -> None:
+def test_missing_channels_are_filled_and_other_nan_stay(tmp_path: Path, small: Path) -> None:
     truth = load(small)
     path = save(
         tmp_path, TEXT.replace(b"12.00 22.00 -32.00", b"nan nan nan").replace(b"4.10 5.10 6.10", b"nan 5.10 6.10")
     )
     take = load(path)
-    foot = take.markers.index("Left Foot")
-    assert not take.trusted[2, foot]
-    filled, positions = take.filled.copy(), take.positions.copy()
-    filled[2, foot], positions[2, foot] = True, truth.positions[2, foot]
+    leg = take.markers.index("Left Leg")
+    assert not take.trusted[2, leg]
+    filled, poses = take.filled.copy(), take.poses.copy()
+    filled[2, leg], poses[2] = True, truth.poses[2]
     out = tmp_path / "out.bvh"
-    written = fit_and_write(replace(take, filled=filled, positions=positions), out)
+    written = bvh.write(replace(with_poses(take, poses), filled=filled), out)
     bvh.prove(written, out)
-    assert written.filled[2, foot]
-    assert np.linalg.norm(written.positions[2, foot] - truth.positions[2, foot]) < 0.1
+    np.testing.assert_allclose(load(out).poses[2], truth.poses[2], atol=1e-6)
     assert out.read_bytes().count(b"nan") == 1
 
 
-@pytest.mark.parametrize("moved", [0.0, 5.0])
-def test_joint_that_cannot_be_fitted_is_left_and_reported(
-    tmp_path: Path, small: Path, monkeypatch: pytest.MonkeyPatch, moved: float
-) -> None:
-    def unfit(
-        skeleton: Skeleton, found: Floats, targets: Floats, fixed: Bools, wanted: Bools, tolerance: float
-    ) -> FittedPoses:
-        """A fit that gives up, or that drags the trusted root along by 5 mm."""
-        new = found + moved * wanted.any(axis=1, keepdims=True) * (np.arange(found.shape[1]) == 0)
-        return FittedPoses(poses=new, changed=new != found, fitted=wanted & (moved > 0))
-
-    monkeypatch.setattr(inverse_kinematics, "fit", unfit)
-    take = filling(load(small), "Left Leg", slice(1, 3), 30.0)
-    out = tmp_path / "out.bvh"
-    written = fit_and_write(take, out)
-    assert not written.filled.any()
-    assert written.trusted.sum() == take.trusted.sum() - 2
-    np.testing.assert_allclose(written.positions, load(small).positions, atol=1e-9)
-    reported = [finding for finding in written.findings if finding.rule == "fit"]
-    assert [(f.marker, f.frames, f.level) for f in reported] == [("Left Leg", (1, 3), "warning")]
-    assert out.read_bytes() == TEXT
-    bvh.prove(written, out)
-
-
 def test_proof_sees_any_other_difference(tmp_path: Path, small: Path) -> None:
-    take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
+    take = turned(load(small), "Left Foot", slice(1, 3), 6.0)
     out = tmp_path / "out.bvh"
-    written = fit_and_write(take, out)
+    written = bvh.write(take, out)
     good = out.read_bytes()
     for old, new in [
         (b"Hips", b"Hops"),
@@ -383,9 +344,9 @@ def test_proof_sees_any_other_difference(tmp_path: Path, small: Path) -> None:
 
 
 def test_proof_sees_every_byte_that_is_changed_added_or_lost(tmp_path: Path, small: Path) -> None:
-    take = filling(load(small), "Left Foot", slice(1, 3), 6.0)
+    take = turned(load(small), "Left Foot", slice(1, 3), 6.0)
     out = tmp_path / "out.bvh"
-    written = fit_and_write(take, out)
+    written = bvh.write(take, out)
     good = out.read_bytes()
     rows = good.splitlines(keepends=True)
     repaired = range(len(b"".join(rows[:33])), len(b"".join(rows[:35])))
@@ -398,12 +359,9 @@ def test_proof_sees_every_byte_that_is_changed_added_or_lost(tmp_path: Path, sma
                 bvh.prove(written, out)
             except FormatError:
                 continue
-            # Numbers of repaired frames may be spelled differently, if every joint is where it should be.
+            # Numbers of repaired frames may be spelled differently, if they are the same.
             assert at in repaired
-            np.testing.assert_array_equal(load(out).trusted, written.trusted)
-            apart = np.linalg.norm(load(out).positions - written.positions, axis=2)
-            assert apart.max() <= fitting.TRUSTED_MM + 1e-6
-            assert apart[take.filled].max() <= 1e-6
+            np.testing.assert_allclose(load(out).poses, written.poses, atol=1e-9)
 
 
 def test_new_file_reads_back(tmp_path: Path, rng: np.random.Generator) -> None:
@@ -426,7 +384,7 @@ def test_new_file_reads_back(tmp_path: Path, rng: np.random.Generator) -> None:
     assert take.markers == skeleton.names
     assert take.rate == pytest.approx(120.0, rel=1e-12)
     known = np.isfinite(forward(skeleton, angles)[0]).all(axis=2)
-    np.testing.assert_array_equal(take.trusted, known)
+    np.testing.assert_array_equal(take.as_markers().trusted, known)
     np.testing.assert_allclose(take.positions[known], forward(skeleton, angles)[0][known], atol=1e-3)
     assert b"nan" in path.read_bytes()
 

@@ -20,8 +20,8 @@ from mocapclean.take.status import Status
 def repaired(request, tmp_path):
     """A sample take with a distrusted span, repaired with its view."""
     source = SAMPLES / request.param
-    name = {"walk.c3d": "LFHD", "walk.bvh": "Neck", "walk_01.amc": "lradius"}[request.param]
-    (tmp_path / "bad.csv").write_text(f"marker,first,last\n{name},200,215\n")
+    name = {"walk.c3d": "LFHD", "walk.bvh": "Spine1", "walk_01.amc": "lradius"}[request.param]
+    (tmp_path / "bad.csv").write_text(f"marker,first,last\n{name},200,207\n")
     options = {"method": "spline", "self_check": False, "gaps": str(tmp_path / "bad.csv"), "exclude": ["RBAC"]}
     if request.param != "walk.c3d":
         del options["exclude"]

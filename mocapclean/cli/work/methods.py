@@ -32,7 +32,9 @@ def _block(name: str, module: Method, *, full: bool) -> str:
         f"{name}{default}",
         *(f"  {line}".rstrip() for line in (text if full else text.splitlines()[0]).splitlines()),
     ]
-    lines.append(f"  Source: {module.REFERENCE}")
+    turns = module.TRAITS.turns_joints
+    works_on = "the rotations of joints" if turns else "the positions of joints, then poses fitted to them"
+    lines += [f"  Source: {module.REFERENCE}", f"  Skeletons: {works_on}"]
     rows = [
         [field.name, str(plain(field.default)), str(about(module.Params, field.name))]
         for field in fields(module.Params)

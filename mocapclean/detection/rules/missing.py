@@ -8,6 +8,8 @@ from mocapclean.detection.rule import Ruling, duration
 from mocapclean.parameters import parameters
 from mocapclean.take import Finding
 
+COLUMNS = ("markers", "joints")
+
 
 @parameters
 class Params:

@@ -2,8 +2,8 @@
 
 A fit is a constrained least-squares problem for each frame: wanted joints are brought to their targets, fixed joints
 are constraints. This module chooses the free channels and the start of each attempt, and widens or gives up what
-violates a constraint. The steps of an attempt are in ``euler`` (the start over a gap), ``aiming`` (chains turned
-towards their targets) and ``least_squares`` (damped least squares).
+violates a constraint. The steps of an attempt are in ``geometry.euler`` (the start over a gap), ``aiming`` (chains
+turned towards their targets) and ``least_squares`` (damped least squares).
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, runs
+from mocapclean.geometry.euler import bridge, rotations_of, smoothest
 from mocapclean.geometry.inverse_kinematics.aiming import aim
-from mocapclean.geometry.inverse_kinematics.euler import bridge, rotations_of, smoothest
 from mocapclean.geometry.inverse_kinematics.free_channels import channels_to_reach
 from mocapclean.geometry.inverse_kinematics.least_squares import least_squares
 from mocapclean.geometry.skeleton import Skeleton, influence, placed

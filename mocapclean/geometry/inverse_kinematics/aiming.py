@@ -10,7 +10,7 @@ are turned one after the other, each by the angle that brings the carried joints
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.geometry.inverse_kinematics.euler import euler_angles, is_ball, nearest_angles, rotations_of
+from mocapclean.geometry.euler import euler_angles, is_ball, nearest_angles, rotations_of
 from mocapclean.geometry.skeleton import Skeleton, move, turn
 
 LEAST_LEVER = 0.05

@@ -7,7 +7,7 @@ so the first rotations of those subtrees are free too and turn them back.
 import numpy as np
 
 from mocapclean.arrays import Bools
-from mocapclean.geometry.inverse_kinematics.euler import rotations_of, shifts_of
+from mocapclean.geometry.euler import rotations_of, shifts_of
 from mocapclean.geometry.skeleton import Skeleton
 
 PLACING_FREEDOMS = 3

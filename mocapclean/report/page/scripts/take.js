@@ -159,6 +159,9 @@ export class TakeView {
       lines.push(element("p", {}, `Why: ${gap.rules.map((/** @type {string} */ rule) => RULES[rule] ?? rule).join("; ")}.${whole}`));
       const facts = [
         gap.expected_3d !== null && `expected 3D error ${mm(gap.expected_3d)}${gap.grade ? ` (${gap.grade})` : ""}`,
+        gap.expected_degrees !== null && `expected rotation error ${gap.expected_degrees.toFixed(1)}°`,
+        gap.largest_turn !== null && `turned by up to ${gap.largest_turn.toFixed(1)}°`,
+        gap.channels.length && `channels: ${gap.channels.join(", ")}`,
         gap.samples_replaced && `${counted(gap.samples_replaced, "measured sample")} replaced, by up to ${mm(gap.largest_move, 1)}`,
         gap.left_because && `left: ${gap.left_because}`,
         gap.error && `error against the reference ${mm(gap.error.rmse_3d)} in 3D`,

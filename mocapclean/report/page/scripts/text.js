@@ -52,4 +52,7 @@ export const RULES = {
   predict: "far from where the other markers predict it",
   tdd: "faster than a body can move",
   outlier: "the sparse part of a low-rank model",
+  pop: "a pop: the joint leaves its path and returns at once",
+  hold: "the joint keeps exactly one pose while it should move",
+  splice: "a jump of the joint that does not come back",
 };
