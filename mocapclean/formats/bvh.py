@@ -3,7 +3,8 @@
 Source: M. Meredith and S. Maddock, "Motion capture file formats explained", University of Sheffield, Department of
 Computer Science, report CS-01-11 (2001), section on BVH. Rotations are multiplied in the order in which the channels
 are listed. A joint's position channels replace its OFFSET, axis by axis, as MotionBuilder and Blender read them. End
-Sites are not joints. BVH names no unit of length: ``ReadOptions.unit`` gives it, else a centimetre is assumed.
+Sites are not joints. BVH names no unit of length: ``ReadOptions.unit`` gives it, else the size of the body does
+(``units.body_scale``); a centimetre is assumed where there is no body.
 """
 
 import io
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Floats, evenly_spaced
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import poses as kept
 from mocapclean.formats.declarations import CENTIMETRE
@@ -32,7 +33,9 @@ from mocapclean.formats.text import (
     quick_table,
     quote,
 )
+from mocapclean.formats.units import BodyScale, body_scale, given_scale
 from mocapclean.geometry.skeleton import Channel, Skeleton
+from mocapclean.numerics.robust import median
 from mocapclean.take import Finding, Origin, ReadOptions, Take
 from mocapclean.take.posed import posed, posed_take
 
@@ -45,10 +48,19 @@ FRAMES = re.compile(rb"\s*Frames[ \t]*:[ \t]*(\S+)", re.IGNORECASE)
 FRAME_TIME = re.compile(rb"\s*Frame[ \t]+Time[ \t]*:[ \t]*(\S+)[ \t]*(?=[\r\n]|$)", re.IGNORECASE)
 FRAME_COUNT = re.compile(rb"0*[1-9]\d{0,8}")
 CHANNEL = re.compile(rb"([XYZ])(position|rotation)", re.IGNORECASE)
+UNIT_FRAMES = 60
+"""Frames, evenly spaced, in which offsets that change are measured for the unit. Chosen by hand."""
 END_SITE = -2
 """Stands for an End Site among indices of joints; -1 is the parent of a root."""
 
 write, prove = kept.write, kept.prove
+
+
+@dataclass(frozen=True, kw_only=True)
+class BvhDocument(PoseDocument):
+    """A BVH text with the unit of length that was taken for it."""
+
+    unit: BodyScale
 
 
 def sniff(head: bytes) -> bool:
@@ -62,12 +74,13 @@ def read(path: Path, options: ReadOptions) -> Take:
     Raises FormatError with the line where the text is not BVH.
     """
     raw = load(path)
-    motion, unit = _motion(path, raw), _unit(options)
-    document = _parse(path, raw, motion, unit)
+    motion = _motion(path, raw)
+    document = _parse(path, raw, motion, options.unit)
     assumed = Finding(
         rule="units",
-        message=f"a BVH file names no unit of length; 1 unit is taken as {unit:g} mm",
-        advice="" if options.unit else "give the unit if lengths look wrong",
+        message=f"a BVH file names no unit of length; 1 unit is taken as {document.unit.millimetres:g} mm: "
+        f"{document.unit.reason}",
+        advice="" if options.unit else "give the unit (--unit) if lengths look wrong",
     )
     return posed_take(
         document.skeleton,
@@ -79,10 +92,14 @@ def read(path: Path, options: ReadOptions) -> Take:
 
 
 def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
-    """Return the joints of a BVH file with ``unit`` (else 10) millimetres per unit; its motion is not read."""
+    """Return the joints of a BVH file, in millimetres; its motion is not read.
+
+    unit: millimetres per unit; None takes the one that its offsets show.
+    """
     raw = load(path)
     motion = MOTION.search(raw)
-    return _Hierarchy(path, raw[: motion.start()] if motion else raw).skeleton(_unit(ReadOptions(unit=unit)))
+    hierarchy = _Hierarchy(path, raw[: motion.start()] if motion else raw)
+    return hierarchy.skeleton(_unit(hierarchy.skeleton(1.0), hierarchy.offsets(), unit).millimetres)
 
 
 def create(take: Take, path: Path) -> None:
@@ -136,9 +153,30 @@ def _bvhio_header(root: Any, rate: float, path: Path) -> tuple[str, str]:
     return tree, time
 
 
-def _unit(options: ReadOptions) -> float:
-    """Return the millimetres per unit of length; raise UsageError for a unit that is not positive and finite."""
-    return CENTIMETRE if options.unit is None else positive(options.unit, "the unit")
+def _unit(skeleton: Skeleton, offsets: Floats, unit: float | None) -> BodyScale:
+    """Return the unit of length: the user's, else the one that the skeleton's offsets (J, 3) show.
+
+    Raises UsageError for a unit that is not positive and finite.
+    """
+    if unit is not None:
+        return given_scale(positive(unit, "the unit"))
+    return body_scale(skeleton.names, skeleton.parents, offsets, CENTIMETRE)
+
+
+def _stored_offsets(skeleton: Skeleton, offsets: Floats, table: Floats) -> Floats:
+    """Return the offsets (J, 3) of joints from their parents, in the file's unit.
+
+    offsets: (J, 3) OFFSETs. Of a joint whose OFFSET is zero the position channels hold them: then the median in up to
+    60 frames of the table (F, C) is taken.
+    """
+    stored = offsets.copy()
+    frames = evenly_spaced(len(table), UNIT_FRAMES)
+    for index, channel in enumerate(skeleton.channels):
+        values = table[frames, index]
+        values = values[np.isfinite(values)]
+        if not channel.is_rotation and values.size and not offsets[channel.joint].any():
+            stored[channel.joint, channel.axis] = median(values)
+    return stored
 
 
 def _scale(skeleton: Skeleton, unit: float) -> Floats:
@@ -203,21 +241,25 @@ def _rate(path: Path, motion: _Motion, options: ReadOptions) -> float:
     raise FormatError(path, message, line=motion.time_line)
 
 
-def _parse(path: Path, raw: bytes, motion: _Motion, unit: float) -> PoseDocument:
+def _parse(path: Path, raw: bytes, motion: _Motion, unit: float | None) -> BvhDocument:
     """Return the document of a file; raise FormatError with the line unless it has the rows that it declares."""
-    skeleton = _Hierarchy(path, raw[: motion.start]).skeleton(unit)
-    scale = _scale(skeleton, unit)
-    n_channels, first = len(scale), line_at(raw, motion.rows)
+    hierarchy = _Hierarchy(path, raw[: motion.start])
+    skeleton = hierarchy.skeleton(1.0)
+    n_channels, first = len(skeleton.channels), line_at(raw, motion.rows)
     text = raw[motion.rows :]
     lines = text.splitlines(keepends=True)
     rows = [index for index, line in enumerate(lines) if not line.isspace()]
     table = quick_table([lines[index] for index in rows]) if rows and is_plain(text) else None
     if table is None or table.shape != (motion.frames, n_channels):
         table = _table(path, lines, first, motion.frames, n_channels)
+    taken = _unit(skeleton, _stored_offsets(skeleton, hierarchy.offsets(), table), unit)
+    skeleton = hierarchy.skeleton(taken.millimetres)
+    scale = _scale(skeleton, taken.millimetres)
     table *= scale
     begins = motion.rows + np.cumsum([0, *map(len, lines)])
-    return PoseDocument(
+    return BvhDocument(
         raw=raw,
+        unit=taken,
         skeleton=skeleton,
         scale=scale,
         poses=table,
@@ -301,6 +343,10 @@ class _Hierarchy:
             channels=channels,
             product=tuple(index for index, channel in enumerate(channels) if channel.is_rotation),
         )
+
+    def offsets(self) -> Floats:
+        """Return the OFFSETs (J, 3) of the joints in the file's unit, position channels or not."""
+        return np.array([joint.offset for joint in self.joints], dtype=np.float64)
 
     def _error(self, message: str) -> FormatError:
         """Return an error with the line of the current statement."""

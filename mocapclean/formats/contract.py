@@ -19,7 +19,8 @@ class Declaration:
     states_events: whether files may state events, such as foot strikes.
     skeleton_suffix: the ending of the separate file that holds the skeleton, None where no such file is needed.
     default_rate: Hz, assumed where no rate is given; None where the files state their rate.
-    default_unit: millimetres per unit of length, assumed where no unit is given; None where the files state it.
+    default_unit: millimetres per unit of length, assumed where no unit is given and no human body shows it; None where
+    the files state it.
     """
 
     suffixes: tuple[str, ...]

@@ -7,7 +7,7 @@ AMC_RATE = 120.0
 ASF_SUFFIX = ".asf"
 """The ending of the file that holds the skeleton of AMC files."""
 CENTIMETRE = 10.0
-"""Millimetres: the unit of length of most BVH files, and of those that are created here."""
+"""Millimetres: the unit of length of most BVH files, of those without a human body, and of those created here."""
 
 DECLARATIONS: dict[str, Declaration] = {
     "c3d": Declaration(
