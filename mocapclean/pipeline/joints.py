@@ -110,23 +110,53 @@ def _by_rotations(take: Take, wanted: Bools) -> Solution:
     skeleton, poses, known = known_poses(take)
     motion = joint_motion(skeleton, poses, known)
     asked = wanted & ~take.trusted
-    answer = fill_joints(skeleton, motion, asked & ~motion.rotation_known, asked & ~motion.translation_known, take.rate)
+    answer = fill_joints(
+        motion, skeleton.names, asked & ~motion.rotation_known, asked & ~motion.translation_known, take.rate
+    )
     filled = asked & answer.filled
-    far_sd = np.hypot(answer.position_sd, np.radians(answer.rotation_sd) * levers(skeleton))
+    answered = filled[:, take.owners] & ~known
+    filled_poses = with_motion(
+        skeleton, np.where(known, poses, np.nan), answered, answer.rotations, answer.translations
+    )
+    turns, shifts = (np.where(filled, sd, 0.0) for sd in (answer.rotation_sd, answer.translation_sd))
+    place_sd = _position_sd(skeleton, bridged_positions(skeleton, filled_poses, known | answered), turns, shifts)
+    far_sd = np.hypot(place_sd, np.radians(turns) * levers(skeleton))
     return Solution(
         positions=take.positions,
-        poses=with_motion(
-            skeleton,
-            np.where(known, poses, np.nan),
-            filled[:, take.owners] & ~known,
-            answer.rotations,
-            answer.translations,
-        ),
+        poses=filled_poses,
         filled=filled,
         sd=np.where(filled, far_sd, 0.0),
-        sd_degrees=np.where(filled, answer.rotation_sd, 0.0),
+        sd_degrees=turns,
         reason="rotations of joints",
     )
+
+
+def _position_sd(skeleton: Skeleton, positions: Floats, turns: Floats, shifts: Floats) -> Floats:
+    """Return the standard deviation (F, J) mm of each coordinate of joints, by the errors of all that they hang on.
+
+    turns, shifts: (F, J) degrees about, and mm along, each axis. A turn with the standard deviation σ about each axis
+    moves a point at the lever r with the variance ⅔ σ² |r|² in a coordinate, as the mean over the directions.
+    """
+    variances = np.zeros(turns.shape)
+    for joint in np.flatnonzero((turns > 0.0).any(axis=0) | (shifts > 0.0).any(axis=0)):
+        frames = np.flatnonzero((turns[:, joint] > 0.0) | (shifts[:, joint] > 0.0))
+        # A bone after the joint turns about the joint's start, which is its parent's place.
+        turns_itself = bool(skeleton.after[joint].any())
+        pivot = skeleton.parents[joint] if turns_itself and skeleton.parents[joint] >= 0 else joint
+        below = _all_below(skeleton, int(joint))
+        lever = np.linalg.norm(positions[frames][:, below] - positions[frames, pivot][:, None], axis=2)
+        turned = 2.0 / 3.0 * (np.radians(turns[frames, joint])[:, None] * lever) ** 2
+        variances[np.ix_(frames, below)] += turned + shifts[frames, joint][:, None] ** 2
+    return np.sqrt(variances)
+
+
+def _all_below(skeleton: Skeleton, joint: int) -> list[int]:
+    """Return a joint and all that hang on it."""
+    inside = [joint]
+    for other, parent in enumerate(skeleton.parents):
+        if parent in inside:
+            inside.append(other)
+    return inside
 
 
 def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionary: Dictionary | None) -> Solution:
