@@ -46,6 +46,7 @@ class Skeleton:
     the joint's own frame, which its rotation turns (an ASF bone, named for its far end). frames: (J, 3, 3) rotation C
     of the joint's axes: its local rotation is C R Cᵀ. channels: in the order of the columns of a pose table. product:
     channel indices, joint by joint, in the order in which the elementary rotations are multiplied from the left.
+    is_scaled: whether its millimetres are true ones; not so where a file states no unit and no body shows it.
 
     With G the global rotation, t the translation channels and R = Π R_axis(angle) in product order:
     G_j = G_parent C_j R_j C_jᵀ and p_j = p_parent + G_parent (before_j + t_j) + G_j after_j.
@@ -58,6 +59,7 @@ class Skeleton:
     frames: Floats
     channels: tuple[Channel, ...]
     product: tuple[int, ...]
+    is_scaled: bool = True
 
     @cached_property
     def steps(self) -> "list[Step]":
