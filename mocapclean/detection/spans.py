@@ -15,7 +15,8 @@ from mocapclean.detection.rule import duration
 from mocapclean.errors import UsageError
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Take
-from mocapclean.take.names import SUBTREE, channel_word, matching_channels, matching_joints, similar_names
+from mocapclean.take.names import SUBTREE, matching_channels, matching_joints, similar_names
+from mocapclean.take.posed import known_poses
 
 SEPARATORS = ",;\t"
 """Characters that separate the cells of a CSV, as programs export it."""
@@ -124,7 +125,7 @@ def _no_channels(name: str, skeleton: Skeleton) -> str:
         return f"joint {name!r} has no channels of its own. Name its parent, whose channels move it."
     joint, _, word = name.rpartition(".")
     if joints := matching_joints(joint, skeleton):
-        owned = [channel_word(skeleton, i) for i, channel in enumerate(skeleton.channels) if channel.joint in joints]
+        owned = [channel.name for channel in skeleton.channels if channel.joint in joints]
         has = ", ".join(dict.fromkeys(owned)) or "none"
         return f"joint {joint!r} has no channel {word!r}. Its channels: {has}."
     sought = name.removesuffix(SUBTREE)
@@ -148,8 +149,11 @@ def _check_frames(span: Span, first: int, last: int) -> None:
 def distrust(take: Take, spans: tuple[Span, ...]) -> Take:
     """Return a take in which these spans are not trusted, with a finding for each.
 
-    Raises UsageError for a marker or a frame that the take does not have.
+    Of a take with poses a span names channels, or joints with all their channels. Raises UsageError for a marker, a
+    joint or a frame that the take does not have.
     """
+    if take.poses is not None:
+        return _distrust_channels(take, spans)
     columns = {name: column for column, name in enumerate(take.markers)}
     first, last = take.numbers(0, len(take.trusted))
     trusted, findings = take.trusted.copy(), []
@@ -163,3 +167,25 @@ def distrust(take: Take, spans: tuple[Span, ...]) -> Take:
         message = f"distrusted {duration(start, stop)} by {span.place}"
         findings.append(Finding(rule="user", marker=span.marker, frames=(start, stop), message=message))
     return replace(take, trusted=trusted, findings=(*take.findings, *findings))
+
+
+def _distrust_channels(take: Take, spans: tuple[Span, ...]) -> Take:
+    """Return a take with poses in which the channels of these spans are not trusted, a finding for each joint."""
+    skeleton, poses, known = known_poses(take)
+    known, findings = known.copy(), []
+    for span in spans:
+        mask = spanned_channels((span,), skeleton, len(poses), take.first_frame)
+        known &= ~mask
+        start, stop = span.first - take.first_frame, span.last - take.first_frame + 1
+        channels = np.flatnonzero(mask.any(axis=0))
+        findings += [
+            Finding(
+                rule="user",
+                marker=take.markers[joint],
+                frames=(start, stop),
+                message=f"distrusted {duration(start, stop)} by {span.place}",
+                channels=tuple(channels[take.owners[channels] == joint].tolist()),
+            )
+            for joint in dict.fromkeys(take.owners[channels].tolist())
+        ]
+    return take.with_known(known, findings=(*take.findings, *findings))

@@ -1,6 +1,5 @@
 """Read a take, leave out excluded markers and detect untrusted samples: the first part of fill, inspect and check."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from mocapclean.detection.spans import distrust, read_spans
 from mocapclean.errors import UsageError
 from mocapclean.take import Take
 from mocapclean.take.bones import check_names
-from mocapclean.take.names import is_pattern, matching_columns, similar_names
+from mocapclean.take.names import is_pattern, matching_columns, matching_joints, similar_names
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +67,7 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     for pattern in settings.exclude:
         # A pattern of carried points alone excludes nothing, because they are left out already.
         if matching_columns(pattern, whole.markers) or not matching_columns(pattern, formats.carried(whole)):
-            excluded[matching(pattern, whole.markers, "--exclude")] = True
+            excluded[matching(pattern, whole, "--exclude")] = True
     if excluded.all():
         raise UsageError(f"{source}: --exclude must leave at least one marker.")
     columns = np.flatnonzero(~excluded | (whole.poses is not None))
@@ -142,10 +141,16 @@ def _span(take: Take) -> str:
     return f"{first} to {last}"
 
 
-def matching(pattern: str, markers: Sequence[str], option: str) -> list[int]:
-    """Return the columns of the markers that a pattern matches; UsageError, naming the option, if none does."""
-    columns = matching_columns(pattern, markers)
+def matching(pattern: str, take: Take, option: str) -> list[int]:
+    """Return the columns of a take that a pattern matches; UsageError, naming the option, if none does.
+
+    Of a take with poses a pattern may also name a joint with all that hangs on it.
+    """
+    if take.poses is not None and take.skeleton is not None:
+        kind, columns = "joints", matching_joints(pattern, take.skeleton)
+    else:
+        kind, columns = "markers", matching_columns(pattern, take.markers)
     if not columns:
-        near = similar_names(pattern, markers) or list(markers[:5])
-        raise UsageError(f"{option} must name markers of the take. Got {pattern!r}; near: {', '.join(near)}.")
+        near = similar_names(pattern, take.markers) or list(take.markers[:5])
+        raise UsageError(f"{option} must name {kind} of the take. Got {pattern!r}; near: {', '.join(near)}.")
     return columns

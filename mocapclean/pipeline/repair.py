@@ -130,7 +130,7 @@ def _request(prepared: Prepared, codes: Codes, settings: Settings) -> Bools:
     selected = prepared.selected
     asked_for = np.full(selected.trusted.shape, not settings.markers)
     for pattern in settings.markers:
-        asked_for[:, matching(pattern, selected.markers, "--markers")] = True
+        asked_for[:, matching(pattern, selected, "--markers")] = True
     asked_for &= ~prepared.excluded
     decide(codes, ~asked_for, Status.NOT_ASKED_FOR)
     never_seen = np.broadcast_to(~selected.trusted.any(axis=0), asked_for.shape)

@@ -86,18 +86,6 @@ def _with_all_below(joints: list[int], skeleton: Skeleton) -> list[int]:
     return sorted(inside)
 
 
-def channel_name(skeleton: Skeleton, index: int) -> str:
-    """Return the name of a channel, such as ``LeftFoot.Zrotation`` or ``Hips.Yposition``."""
-    channel = skeleton.channels[index]
-    return f"{skeleton.names[channel.joint]}.{channel_word(skeleton, index)}"
-
-
-def channel_word(skeleton: Skeleton, index: int) -> str:
-    """Return the name of a channel without its joint, such as ``Zrotation``."""
-    channel = skeleton.channels[index]
-    return "XYZ"[channel.axis] + ("rotation" if channel.is_rotation else "position")
-
-
 def matching_channels(pattern: str, skeleton: Skeleton) -> list[int]:
     """Return the channels that a pattern names: those of the joints it matches, or single ones.
 
@@ -114,5 +102,5 @@ def matching_channels(pattern: str, skeleton: Skeleton) -> list[int]:
     return [
         index
         for index, channel in enumerate(skeleton.channels)
-        if channel.joint in joints and fnmatchcase(channel_word(skeleton, index).lower(), KINDS.get(word, word))
+        if channel.joint in joints and fnmatchcase(channel.name.lower(), KINDS.get(word, word))
     ]

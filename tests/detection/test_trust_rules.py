@@ -18,7 +18,11 @@ from mocapclean.pipeline.filling import fill
 from mocapclean.simulate import inject, perform
 from mocapclean.take import Finding, Take
 
-ON = tuple(name for name, module in RULES.items() if getattr(module.Params(), "enabled", True))
+ON = tuple(
+    name
+    for name, module in RULES.items()
+    if getattr(module.Params(), "enabled", True) and "markers" in getattr(module, "COLUMNS", ("markers",))
+)
 FINDS = {"swap": "swap", "frozen": "frozen", "drift": "drift", "flicker": "flicker", "spike": "spike", "jump": "jump"}
 
 

@@ -85,7 +85,7 @@ def test_a_step_at_the_end_of_a_fitted_span_is_no_larger_than_the_joint_makes(tr
     damaged = without(truth, {"LeftArm": slice(60, 80)})
 
     def beside(name, take, params, **options):
-        positions = np.where(take.trusted[..., None], take.positions, truth.positions + [0.0, 25.0, 0.0])
+        positions = np.where(take.trusted[..., None], take.positions, np.add(truth.positions, [0.0, 25.0, 0.0]))
         return Solution(positions=positions, filled=~take.trusted)
 
     monkeypatch.setattr(joints, "run_method", beside)

@@ -57,7 +57,7 @@ def _of_one(path: Path, marker: str | None, frames: tuple[int, int] | None, sett
     one = _filled(path, settings)
     if marker is None:
         return figures.bone_lengths(one)
-    (name,) = [one.before.markers[column] for column in matching(marker, one.before.markers, "--marker")][:1]
+    (name,) = [one.before.markers[column] for column in matching(marker, one.before, "--marker")][:1]
     first = one.before.first_frame
     return figures.curves(one, name, frames and (frames[0] - first, frames[1] - first))
 
