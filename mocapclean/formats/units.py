@@ -135,8 +135,9 @@ def _stature(tree: list[int], names: Sequence[str], parents: Sequence[int], leng
     heads, ankles = named(HEAD) or named(NECK), named(ANKLE)
     legs, arms, trunk = named(LEG), named(ARM), named(TRUNK)
     pairs = _paired_limbs(tree, parents, lengths)
-    # Without arms and a head it is a body if it has two legs.
-    is_body = bool((arms and (legs or (heads and trunk))) or (legs and trunk and not heads and pairs))
+    # Without arms it is a body if it has two legs and, beside a head, no other limbs: with four it is an animal.
+    two_legged = legs and trunk and (pairs == 1 or (pairs > 1 and not heads))
+    is_body = bool((arms and (legs or (heads and trunk))) or two_legged)
     # Of each side the first joint of the name counts: below it are toes, eyes and ends.
     paths = [_path(heads[0], ankle, parents, lengths) for ankle in ankles if heads and parents[ankle] not in ankles]
     if is_body and paths and max(paths) > 0:

@@ -109,6 +109,26 @@ def test_the_order_of_joints_does_not_matter(random, unit: str) -> None:
     assert found.stature == pytest.approx(wanted.stature)
 
 
+@pytest.mark.parametrize("unit", ["cm", "m", "in", "mm"])
+@pytest.mark.parametrize("lacking", ["Head", "Neck|Head", "Toe", "Collar|Arm|ForeArm|Hand", "UpLeg|Leg|Foot|Toe"])
+def test_a_body_that_lacks_parts_is_one(lacking: str, unit: str) -> None:
+    joints = [
+        joint for joint in body() if joint[0] not in lacking.split("|") and joint[0][1:] not in lacking.split("|")
+    ]
+    assert len(joints) < len(body())
+    assert scale_of(joints, UNITS[unit][0]).millimetres == UNITS[unit][0]
+
+
+def test_four_legs_and_a_head_are_no_human_body() -> None:
+    legs = {"Collar": "FrontUpLeg", "Arm": "FrontLeg", "ForeArm": "FrontFoot", "Hand": "FrontToe"}
+
+    def renamed(name: str) -> str:
+        return name[:1] + legs[name[1:]] if name[1:] in legs else name
+
+    horse = [(renamed(name), renamed(parent), offset) for name, parent, offset in body()]
+    assert not scale_of(horse, 10.0).is_known
+
+
 def test_a_prop_beside_a_body_changes_nothing() -> None:
     prop = [("Table", "", np.zeros(3)), ("Plate", "Table", np.array([0.0, 9000.0, 0.0]))]
     assert scale_of([*prop, *body()], 10.0) == scale_of(body(), 10.0)
