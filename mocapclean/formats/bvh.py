@@ -99,7 +99,8 @@ def read_skeleton(path: Path, unit: float | None = None) -> Skeleton:
     raw = load(path)
     motion = MOTION.search(raw)
     hierarchy = _Hierarchy(path, raw[: motion.start()] if motion else raw)
-    return hierarchy.skeleton(_unit(hierarchy.skeleton(1.0), hierarchy.offsets(), unit).millimetres)
+    taken = _unit(hierarchy.skeleton(1.0), hierarchy.offsets(), unit)
+    return hierarchy.skeleton(taken.millimetres, is_scaled=taken.is_known)
 
 
 def create(take: Take, path: Path) -> None:
@@ -253,7 +254,7 @@ def _parse(path: Path, raw: bytes, motion: _Motion, unit: float | None) -> BvhDo
     if table is None or table.shape != (motion.frames, n_channels):
         table = _table(path, lines, first, motion.frames, n_channels)
     taken = _unit(skeleton, _stored_offsets(skeleton, hierarchy.offsets(), table), unit)
-    skeleton = hierarchy.skeleton(taken.millimetres)
+    skeleton = hierarchy.skeleton(taken.millimetres, is_scaled=taken.is_known)
     scale = _scale(skeleton, taken.millimetres)
     table *= scale
     begins = motion.rows + np.cumsum([0, *map(len, lines)])
@@ -321,8 +322,11 @@ class _Hierarchy:
         if self.inside or self.named is not None or not self.joints:
             raise self._error("every joint must be closed by a brace. Got the end; the file may be cut off.")
 
-    def skeleton(self, unit: float) -> Skeleton:
-        """Return the joints in millimetres; raise FormatError if one has no OFFSET or none has CHANNELS."""
+    def skeleton(self, unit: float, *, is_scaled: bool = True) -> Skeleton:
+        """Return the joints in millimetres, true ones if ``is_scaled``.
+
+        Raises FormatError if a joint has no OFFSET or none has CHANNELS.
+        """
         joints = self.joints
         channels = tuple(channel for joint in joints for channel in joint.channels or ())
         unplaced = [joint.name for joint in joints if joint.offset is None]
@@ -342,6 +346,7 @@ class _Hierarchy:
             frames=np.broadcast_to(np.eye(3), (len(joints), 3, 3)),
             channels=channels,
             product=tuple(index for index, channel in enumerate(channels) if channel.is_rotation),
+            is_scaled=is_scaled,
         )
 
     def offsets(self) -> Floats:

@@ -51,12 +51,16 @@ LIMB_SHARE = 0.2
 
 ANKLE = re.compile(r"foot|ankle|talus")
 LEG = re.compile(r"leg|thigh|knee|shin|calf|tibia|femur|hip_?joint|foot|ankle")
-ARM = re.compile(r"arm|elbow|hand|wrist|humerus|radius|shoulder|clavicle|collar")
+ARM = re.compile(r"arm(?!ature)|elbow|hand|wrist|humerus|radius|shoulder|clavicle|collar")
 HEAD = re.compile(r"head|skull")
 NECK = re.compile(r"neck")
 TRUNK = re.compile(r"spine|chest|abdomen|torso|pelvis|hips|\bhip\b|waist|thorax")
 FINGER = re.compile(r"finger|thumb|index|pinky|metacarp")
-ANIMAL = re.compile(r"(?<!pony)(?<!pig)tail|wing|hoof|paw|tentacle|antenna|pincer|claw|snout|beak|hind|fetlock")
+WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+")
+"""A word within a name in camel case or with other marks between."""
+ANIMAL = {"tail", "wing", "hoof", "paw", "tentacle", "antenna", "pincer", "claw", "snout", "beak", "hind", "fetlock"}
+WORN = {"pony", "pig", "hair", "braid", "coat", "cape", "dress", "skirt", "shirt"}
+"""Words beside which a tail is no animal's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,13 +130,14 @@ def _stature(tree: list[int], names: Sequence[str], parents: Sequence[int], leng
     def named(pattern: re.Pattern[str]) -> list[int]:
         return [joint for joint in tree if pattern.search(words[joint])]
 
-    if named(ANIMAL):
+    if any(_is_animal(bare_name(names[joint])) for joint in tree):
         return None
     heads, ankles = named(HEAD) or named(NECK), named(ANKLE)
     legs, arms, trunk = named(LEG), named(ARM), named(TRUNK)
     pairs = _paired_limbs(tree, parents, lengths)
-    # Without arms and a head it is a body if it has two legs.
-    is_body = bool((arms and (legs or (heads and trunk))) or (legs and trunk and not heads and pairs))
+    # Without arms it is a body if it has two legs and, beside a head, no other limbs: with four it is an animal.
+    two_legged = legs and trunk and (pairs == 1 or (pairs > 1 and not heads))
+    is_body = bool((arms and (legs or (heads and trunk))) or two_legged)
     # Of each side the first joint of the name counts: below it are toes, eyes and ends.
     paths = [_path(heads[0], ankle, parents, lengths) for ankle in ankles if heads and parents[ankle] not in ankles]
     if is_body and paths and max(paths) > 0:
@@ -141,6 +146,12 @@ def _stature(tree: list[int], names: Sequence[str], parents: Sequence[int], leng
     if is_body or (tells_nothing and pairs >= 2):
         return PER_DIAMETER * _diameter(tree, parents, lengths) or None
     return None
+
+
+def _is_animal(name: str) -> bool:
+    """Whether a joint's name is that of a part which people do not have."""
+    words = {word.lower() for word in WORD.findall(name)}
+    return bool((words | {word.removesuffix("s") for word in words}) & ANIMAL) and not words & WORN
 
 
 def _path(first: int, second: int, parents: Sequence[int], lengths: list[float]) -> float:

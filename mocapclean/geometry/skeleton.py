@@ -1,12 +1,16 @@
 """Joints, bones and forward kinematics, vectorised over frames."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats
+
+CONSTANT_SHARE = 1e-3
+"""Largest change of a position channel that counts as constant, per distance from the parent. Chosen by hand: two
+decimals in centimetres round by less on a bone of 0.1 m, and no muscle or stretched limb moves so little."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +46,7 @@ class Skeleton:
     the joint's own frame, which its rotation turns (an ASF bone, named for its far end). frames: (J, 3, 3) rotation C
     of the joint's axes: its local rotation is C R Cᵀ. channels: in the order of the columns of a pose table. product:
     channel indices, joint by joint, in the order in which the elementary rotations are multiplied from the left.
+    is_scaled: whether its millimetres are true ones; not so where a file states no unit and no body shows it.
 
     With G the global rotation, t the translation channels and R = Π R_axis(angle) in product order:
     G_j = G_parent C_j R_j C_jᵀ and p_j = p_parent + G_parent (before_j + t_j) + G_j after_j.
@@ -54,14 +59,21 @@ class Skeleton:
     frames: Floats
     channels: tuple[Channel, ...]
     product: tuple[int, ...]
+    is_scaled: bool = True
 
     @cached_property
     def steps(self) -> "list[Step]":
         """The steps of forward kinematics, joint by joint."""
         return _steps(self)
 
-    def bones(self) -> tuple[Bone, ...]:
-        """Return the parent-to-joint distances that every pose keeps; none for joints that translate or coincide."""
+    def bones(self, poses: Floats | None = None) -> tuple[Bone, ...]:
+        """Return the parent-to-joint distances that every pose keeps; none for joints that translate or coincide.
+
+        poses: (F, C) degrees and millimetres, NaN where unknown. With them, position channels that keep their values
+        in all these poses count as offsets (``settled``).
+        """
+        if poses is not None:
+            return settled(self, poses).bones()
         moving = {c.joint for c in self.channels if not c.is_rotation}
         bones = []
         for joint, parent in enumerate(self.parents):
@@ -71,6 +83,41 @@ class Skeleton:
             if parent >= 0 and joint not in moving and length > 0 and min(before, after) == 0:
                 bones.append(Bone(start=self.names[parent], end=self.names[joint], length=length))
         return tuple(bones)
+
+
+def settled(skeleton: Skeleton, poses: Floats) -> Skeleton:
+    """Return the skeleton in which position channels that never change are offsets, and no channels any more.
+
+    poses: (F, C) degrees and millimetres, NaN where unknown. Only a joint below another one is settled, and only if
+    none of its position channels changes by more than a thousandth of its distance from the parent.
+    """
+    own: dict[int, list[int]] = {}
+    for index, channel in enumerate(skeleton.channels):
+        if not channel.is_rotation and skeleton.parents[channel.joint] >= 0:
+            own.setdefault(channel.joint, []).append(index)
+    before, dropped = skeleton.before.copy(), set[int]()
+    for joint, indices in own.items():
+        values = poses[:, indices]
+        values = values[np.isfinite(values).all(axis=1)]
+        if not len(values):
+            continue
+        # t is constant: p = p_parent + G_parent (before + t) + G after
+        offset = before[joint].copy()
+        offset[[skeleton.channels[index].axis for index in indices]] += np.median(values, axis=0)
+        length = max(float(np.linalg.norm(offset)), float(np.linalg.norm(skeleton.after[joint])))
+        if np.ptp(values, axis=0).max() <= CONSTANT_SHARE * length:
+            before[joint] = offset
+            dropped.update(indices)
+    if not dropped:
+        return skeleton
+    kept = [index for index in range(len(skeleton.channels)) if index not in dropped]
+    places = {index: place for place, index in enumerate(kept)}
+    return replace(
+        skeleton,
+        before=before,
+        channels=tuple(skeleton.channels[index] for index in kept),
+        product=tuple(places[index] for index in skeleton.product),
+    )
 
 
 Vector = list[tuple[int, float]]

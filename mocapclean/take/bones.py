@@ -6,7 +6,7 @@ import numpy as np
 
 from mocapclean.errors import UsageError
 from mocapclean.geometry.distances import robust_distances
-from mocapclean.geometry.skeleton import Bone, Skeleton
+from mocapclean.geometry.skeleton import Bone, Skeleton, settled
 from mocapclean.take import Take
 from mocapclean.take.names import bare_name, split_subject
 
@@ -19,9 +19,15 @@ _SD_PER_DISTANCE = 0.01  # mm of SD that weigh as much as 1 mm of distance in th
 
 
 def bones_of(take: Take) -> tuple[str, tuple[Bone, ...]]:
-    """Return "skeleton" or "rigid pairs", the source of the take's bones, and the bones by marker name."""
+    """Return "skeleton" or "rigid pairs", the source of the take's bones, and the bones by marker name.
+
+    Of a take with poses, joints whose position channels never change have bones, those whose channels change have none.
+    """
     if take.skeleton is not None:
-        return "skeleton", known_bones(take.markers, take.skeleton)
+        skeleton = take.skeleton
+        if take.poses is not None and take.known is not None:
+            skeleton = settled(skeleton, np.where(take.known, take.poses, np.nan))
+        return "skeleton", known_bones(take.markers, skeleton)
     return "rigid pairs", rigid_pairs(take)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats, Ints
-from mocapclean.geometry.skeleton import Skeleton, influence
+from mocapclean.geometry.skeleton import Skeleton, influence, settled
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -174,15 +174,16 @@ class Take:
         return replace(self, known=known, trusted=trusted, **changes)
 
     def as_markers(self) -> "Take":
-        """Return the take of its positions alone, for what works on markers; the skeleton stays, the poses go.
+        """Return the take of its positions alone, for what works on markers; the poses go, the skeleton's bones stay.
 
         A joint is a trusted marker where no unknown channel decides its position.
         """
-        trusted = self.trusted
-        if self.skeleton is not None and self.known is not None:
-            places, _ = influence(self.skeleton)
+        trusted, skeleton = self.trusted, self.skeleton
+        if skeleton is not None and self.known is not None and self.poses is not None:
+            places, _ = influence(skeleton)
             trusted = np.asarray(~(~self.known @ places.T))
-        return replace(self, trusted=trusted, poses=None, known=None, origin=None)
+            skeleton = settled(skeleton, np.where(self.known, self.poses, np.nan))
+        return replace(self, trusted=trusted, skeleton=skeleton, poses=None, known=None, origin=None)
 
     @property
     def changed(self) -> Bools:

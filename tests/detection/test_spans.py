@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from mocapclean.detection.spans import Span, read_spans, spanned_channels
 from mocapclean.errors import UsageError
 from mocapclean.geometry.skeleton import Channel, Skeleton
-from mocapclean.take.names import channel_name, matching_channels, matching_joints
+from mocapclean.take.names import matching_channels, matching_joints
 
 JOINTS = [
     ("Hips", -1, "tr"),
@@ -42,7 +42,8 @@ def skeleton(subject: str = "") -> Skeleton:
 def named(pattern: str, subject: str = "") -> list[str]:
     """Return the names of the channels that a pattern gives, without the subject."""
     own = skeleton(subject)
-    return [channel_name(own, index).removeprefix(subject) for index in matching_channels(pattern, own)]
+    channels = [own.channels[index] for index in matching_channels(pattern, own)]
+    return [f"{JOINTS[channel.joint][0]}.{channel.name}" for channel in channels]
 
 
 def joints(pattern: str, subject: str = "") -> list[str]:

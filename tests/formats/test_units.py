@@ -109,6 +109,26 @@ def test_the_order_of_joints_does_not_matter(random, unit: str) -> None:
     assert found.stature == pytest.approx(wanted.stature)
 
 
+@pytest.mark.parametrize("unit", ["cm", "m", "in", "mm"])
+@pytest.mark.parametrize("lacking", ["Head", "Neck|Head", "Toe", "Collar|Arm|ForeArm|Hand", "UpLeg|Leg|Foot|Toe"])
+def test_a_body_that_lacks_parts_is_one(lacking: str, unit: str) -> None:
+    joints = [
+        joint for joint in body() if joint[0] not in lacking.split("|") and joint[0][1:] not in lacking.split("|")
+    ]
+    assert len(joints) < len(body())
+    assert scale_of(joints, UNITS[unit][0]).millimetres == UNITS[unit][0]
+
+
+def test_four_legs_and_a_head_are_no_human_body() -> None:
+    legs = {"Collar": "FrontUpLeg", "Arm": "FrontLeg", "ForeArm": "FrontFoot", "Hand": "FrontToe"}
+
+    def renamed(name: str) -> str:
+        return name[:1] + legs[name[1:]] if name[1:] in legs else name
+
+    horse = [(renamed(name), renamed(parent), offset) for name, parent, offset in body()]
+    assert not scale_of(horse, 10.0).is_known
+
+
 def test_a_prop_beside_a_body_changes_nothing() -> None:
     prop = [("Table", "", np.zeros(3)), ("Plate", "Table", np.array([0.0, 9000.0, 0.0]))]
     assert scale_of([*prop, *body()], 10.0) == scale_of(body(), 10.0)
@@ -156,6 +176,7 @@ def test_a_file_is_read_in_its_unit(tmp_path: Path, unit: float, *, six: bool, z
     take = bvh.read(path, ReadOptions())
     document = take.origin.document
     assert document.unit.is_known
+    assert take.skeleton.is_scaled
     assert document.unit.millimetres == unit
     head, foot = (take.markers.index(name) for name in ("Head", "LFoot"))
     assert take.positions[0, head, 1] - take.positions[0, foot, 1] == pytest.approx(630 + 860, abs=0.01)
@@ -169,9 +190,37 @@ def test_a_file_is_read_in_its_unit(tmp_path: Path, unit: float, *, six: bool, z
     np.testing.assert_allclose(given.positions, take.positions * 3.0 / unit)
 
 
+def test_a_file_without_a_body_is_read_in_centimetres_of_no_known_scale(tmp_path: Path) -> None:
+    path = tmp_path / "take.bvh"
+    path.write_text(
+        text([("Hips", "", np.zeros(3)), ("Tip", "Hips", np.array([0.0, 30.0, 0.0]))], 1.0, six=False, zero=False)
+    )
+    take = bvh.read(path, ReadOptions())
+    assert not take.skeleton.is_scaled
+    assert not take.select(np.array([1])).skeleton.is_scaled
+    assert not bvh.read_skeleton(path).is_scaled
+    assert take.positions[0, 1, 1] == pytest.approx(300.0)
+    (finding,) = take.findings
+    assert (finding.level, finding.advice) == ("info", "give the unit (--unit) if lengths look wrong")
+    assert "its scale is unknown" in finding.message
+    assert bvh.read(path, ReadOptions(unit=1.0)).skeleton.is_scaled
+
+
+@pytest.mark.parametrize(
+    ("name", "is_animal"),
+    [
+        ("BN_Tail_01", True), ("LeftWings", True), ("Tail1", True), ("HindLeg", True), ("R_Paw", True),
+        ("PonyTail", False), ("hair_tail_2", False), ("Cocktail", False), ("Detail", False), ("LeftHand", False),
+    ],
+)  # fmt: skip
+def test_parts_of_animals_make_no_human_body(name: str, is_animal: bool) -> None:
+    assert scale_of([*body(), (name, "Hips", np.ones(3))], 10.0).is_known != is_animal
+
+
 @pytest.mark.parametrize("path", capture_files("bvh"), ids=lambda path: path.name)
 def test_captures_have_human_sizes_or_none(path: Path) -> None:
     found = bvh.read(path, ReadOptions()).origin.document.unit
     assert found.is_known == (found.stature is not None)
+    assert bvh.read_skeleton(path).is_scaled == found.is_known
     if found.stature is not None:
         assert 1100 < found.stature < 2000

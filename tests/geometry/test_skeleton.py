@@ -1,9 +1,11 @@
 """Forward kinematics: textbook cases, its own axes, and what a missing channel decides."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from mocapclean.geometry.skeleton import Channel, Skeleton, forward, influence, move, places, turn
+from mocapclean.geometry.skeleton import Channel, Skeleton, forward, influence, move, places, settled, turn
 
 
 def arm(carried=False):
@@ -114,3 +116,37 @@ def test_bones_are_what_every_pose_keeps(skeleton, rng):
     for bone in bones:
         start, end = (skeleton.names.index(name) for name in (bone.start, bone.end))
         np.testing.assert_allclose(np.linalg.norm(positions[:, end] - positions[:, start], axis=1), bone.length)
+
+
+def test_position_channels_that_never_change_are_bones(skeleton, rng):
+    """Every joint gets three position channels; some keep their values, some change in a single frame."""
+    joints = range(len(skeleton.names))
+    shifts = tuple(Channel(joint=joint, axis=axis, is_rotation=False) for joint in joints for axis in (2, 0, 1))
+    turns = [index for index, channel in enumerate(skeleton.channels) if channel.is_rotation]
+    turning = tuple(skeleton.channels[index] for index in turns)
+    places = {index: len(shifts) + place for place, index in enumerate(turns)}
+    six = replace(skeleton, channels=(*shifts, *turning), product=tuple(places[i] for i in skeleton.product))
+    poses = rng.uniform(-90, 90, (20, len(six.channels)))
+    offsets = rng.uniform(-200, 200, len(shifts))
+    poses[:, : len(shifts)] = offsets + rng.choice([-0.005, 0.005], (20, len(shifts)))  # the rounding of a file
+    root = skeleton.parents.index(-1)
+    poses[:, [index for index, channel in enumerate(shifts) if channel.joint == root]] = rng.normal(size=(20, 3))
+    poses[rng.random(poses.shape) < 0.2] = np.nan
+    assert six.bones() == ()
+    still = settled(six, poses)
+    assert {channel.joint for channel in still.channels if not channel.is_rotation} == {root}
+    known = np.where(np.isnan(poses), 1.0, poses)
+    known[:, : len(shifts)] = offsets
+    kept = [index for index, channel in enumerate(six.channels) if channel.is_rotation or channel.joint == root]
+    np.testing.assert_allclose(forward(still, known[:, kept])[0], forward(six, known)[0], atol=0.2)
+    bones = six.bones(known)
+    ends = {bone.end for bone in bones}
+    # With both offsets the length depends on the rotation between them.
+    single = [joint for joint in joints if skeleton.parents[joint] >= 0 and not skeleton.after[joint].any()]
+    assert ends == {skeleton.names[joint] for joint in single}
+    if not single:
+        return
+    # A channel that changes in one frame by more than rounding leaves its joint without a bone.
+    moved = single[-1]
+    known[7, next(index for index, channel in enumerate(shifts) if channel.joint == moved)] += 5.0
+    assert {bone.end for bone in six.bones(known)} == ends - {skeleton.names[moved]}
