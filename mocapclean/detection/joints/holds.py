@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, column_runs
-from mocapclean.detection.joints.pops import roughness
+
 from mocapclean.detection.joints.signals import Signals
 
 SHORTEST = 5
@@ -40,7 +40,8 @@ def find_holds(signals: Signals) -> list[Hold]:
     step = np.linalg.norm(np.diff(signals.paths, axis=0), axis=2)
     still = np.zeros(signals.known.shape, dtype=bool)
     still[1:] = (step == 0) & signals.known[1:] & signals.known[:-1]
-    rough = roughness(signals.paths)
+    rough = np.zeros(signals.known.shape)
+    rough[1:-1] = np.linalg.norm(np.diff(signals.paths, n=2, axis=0), axis=2)
     holds = []
     for signal, start, stop in column_runs(still):
         if stop - start >= SHORTEST and _is_within(signals.known[:, signal], start, stop):

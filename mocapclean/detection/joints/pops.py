@@ -1,4 +1,8 @@
-"""Find pops: frames in which a path leaves abruptly and comes back, while it is smooth when they are left out."""
+"""Find pops: frames in which a path leaves abruptly and comes back, while it is smooth when they are left out.
+
+A path is judged by what it would be without the frames in question, not by how fast it is: a somersault at 30 Hz turns
+far in each frame and has small fourth differences, a pop has large ones until it is left out.
+"""
 
 from dataclasses import dataclass
 
@@ -7,18 +11,36 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.joints.signals import Signals
 
-REACH = 4
-"""Frames on each side of an excursion that show how the path moves without it. Chosen by hand."""
+LEAST = 5.0
+"""Degrees, or their equal in mm, that a path must leave by. This and the three factors below were chosen together on the
+takes at even places of BVH and AMC, at 24, 30, 60 and 120 Hz: most pops of 20 degrees at about 20 false in a million."""
+_LARGEST = 1.0
+"""Times the largest fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
+_MEDIAN = 3.0
+"""Times the median fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
+_USUAL = 1.0
+"""Times the departure that the joint exceeds in ``_USUAL_SHARE`` of the frames. Chosen with ``LEAST``."""
+_USUAL_SHARE = 0.03
+"""Share of frames; heels and toes leave their path at each strike of the foot. Chosen with ``LEAST``."""
+_LEAST_USUAL = 3
+"""Frames whose departures count as faults, not as usual, in takes too short for the share. Chosen by hand."""
+_SLOWING = 1.5
+"""Times what a velocity that changes within a longer excursion moves its middle. Chosen by hand, with the same takes."""
+_ROUGH_INSIDE = 1.5
+"""Times the mean distance from the path that the mean second difference within a burst of noise is. Between an arc or a
+plateau (at most 1) and independent noise (2.4). Chosen by hand."""
+SUSPECTED = 0.7
+"""Share of the threshold from which on an excursion is a suspicion. Chosen by hand, with the same takes."""
 LONGEST_SECONDS = 0.25
-"""Seconds that a pop lasts at most, from the requirement."""
+"""Seconds that a pop lasts at most. Chosen by hand."""
 LONGEST_FRAMES = 12
-"""Frames that a pop may last at low rates, where a quarter of a second has fewer. Chosen by hand."""
-LEAST = 4.0
-"""Degrees, or their equal in mm, that a path must leave by. Chosen on the takes at even places, at 24 to 120 Hz."""
-ROUGHNESS = 1.5
-"""Times the largest acceleration beside the excursion that a path must leave by. Chosen likewise."""
-SUSPECTED = 0.6
-"""Share of the threshold from which on an excursion is a suspicion. Chosen likewise."""
+"""Frames that a pop may last at low rates, where ``LONGEST_SECONDS`` has fewer. Chosen by hand."""
+_REACH = 6
+"""Frames on each side of an excursion that show the path without it. Chosen with ``LEAST``."""
+_FEWEST = 2
+"""Frames of the take that there must be on each side of an excursion."""
+_SCALE = 1.0 / 6.0
+"""The fourth difference times this is how far a frame lies from the cubic through its four neighbours."""
 
 
 @dataclass(frozen=True)
@@ -32,49 +54,38 @@ class Excursion:
     score: float
 
 
-def padded(paths: Floats, width: int) -> Floats:
-    """Return paths (F + 2 width, ...) that go on at constant velocity at both ends."""
-    count = np.arange(1, width + 1).reshape(-1, *[1] * (paths.ndim - 1))
-    first, last = paths[1] - paths[0], paths[-1] - paths[-2]
-    return np.concatenate([paths[0] - count[::-1] * first, paths, paths[-1] + count * last])
-
-
-def departures(paths: Floats) -> Floats:
-    """Return the distance (F, S) of each frame from what the three frames before it foretell.
-
-    The least of three: they are constant, move at constant velocity, or at constant acceleration. 0 in the first three.
-    """
-    result = np.zeros(paths.shape[:2])
-    steps = np.diff(paths, axis=0)
-    second = np.diff(steps, axis=0)
-    third = np.diff(second, axis=0)
-    result[3:] = np.sqrt(np.minimum(_squares(steps[2:]), np.minimum(_squares(second[1:]), _squares(third))))
-    return result
-
-
-def roughness(paths: Floats) -> Floats:
-    """Return the acceleration (F, S) of each frame, |x[t-1] - 2 x[t] + x[t+1]|; 0 in the first and last."""
-    result = np.zeros(paths.shape[:2])
-    result[1:-1] = np.sqrt(_squares(np.diff(paths, n=2, axis=0)))
-    return result
-
-
 def find_excursions(signals: Signals, rate: float) -> list[Excursion]:
-    """Return the excursions of signals that score at least ``SUSPECTED``, none of them overlapping in one signal."""
-    n_frames = len(signals.paths)
-    if n_frames < 2 * 2 + 1 or not len(signals.joints):
+    """Return the excursions that score at least ``SUSPECTED``; those of one signal do not touch."""
+    n_frames, n_signals = signals.known.shape
+    if n_frames <= 2 * _FEWEST or not n_signals:
         return []
-    paths = padded(signals.paths, REACH)
-    starts, ends = _abrupt(paths), _abrupt(paths[::-1])[::-1]
+    paths = _padded(signals.paths)
+    forwards, backwards = _departures(paths), _departures(paths[::-1])[::-1]
+    usual = _usual(np.minimum(forwards, backwards)[_REACH:-_REACH])
+    rough = np.zeros_like(forwards)
+    rough[2:-2] = _SCALE * np.sqrt(_squares(np.diff(paths, n=4, axis=0)))
     longest = max(LONGEST_FRAMES, round(LONGEST_SECONDS * rate))
-    found: list[Excursion] = []
+    starts, ends = _abrupt(forwards, rough, usual), _abrupt(backwards[::-1], rough[::-1], usual)[::-1]
+    rows = [np.empty((0, 3), dtype=np.intp)]
     for signal in np.flatnonzero(starts.any(axis=0) & ends.any(axis=0)):
         pairs = _pairs(np.flatnonzero(starts[:, signal]), np.flatnonzero(ends[:, signal]) + 1, longest)
-        pairs = pairs[(pairs[:, 0] >= REACH + 2) & (pairs[:, 1] <= len(paths) - REACH - 2)]
-        if len(pairs):
-            size, score = _scored(paths[:, signal], pairs, signals.part == "rotation")
-            found += _best(int(signal), pairs, size, score)
-    return found
+        rows.append(np.column_stack([np.full(len(pairs), signal), pairs]))
+    spans = np.concatenate(rows)
+    outside = (spans[:, 1] < _REACH + _FEWEST) | (spans[:, 2] > len(paths) - _REACH - _FEWEST)
+    spans = spans[~outside]
+    size, score = np.zeros(len(spans)), np.zeros(len(spans))
+    length = spans[:, 2] - spans[:, 1]
+    for n in np.unique(length):
+        same = length == n
+        size[same], score[same] = _scored(paths, spans[same], int(n), usual, signals.part == "rotation")
+    return _chosen(spans, size, score)
+
+
+def _padded(paths: Floats) -> Floats:
+    """Return paths (F + 2 ``_REACH``, S, 4) that go on at constant velocity at both ends."""
+    count = np.arange(1, _REACH + 1)[:, None, None]
+    first, last = paths[1] - paths[0], paths[-1] - paths[-2]
+    return np.concatenate([paths[0] - count[::-1] * first, paths, paths[-1] + count * last])
 
 
 def _squares(vectors: Floats) -> Floats:
@@ -82,91 +93,124 @@ def _squares(vectors: Floats) -> Floats:
     return np.asarray(np.einsum("...k,...k->...", vectors, vectors))
 
 
-def _abrupt(paths: Floats) -> Bools:
-    """Return the frames (F, S) that depart from the frames before them as the first frame of an excursion must."""
-    departure, rough = departures(paths), roughness(paths)
-    # The accelerations of the frames t - 2 and t - 3 do not use frame t.
+def _departures(paths: Floats) -> Floats:
+    """Return the distance (F, S) of each frame from what the three frames before it foretell; 0 in the first three.
+
+    The least of three: the path is constant, at constant velocity, or at constant acceleration.
+    """
+    result = np.zeros(paths.shape[:2])
+    steps = np.diff(paths, axis=0)
+    second = np.diff(steps, axis=0)
+    squares = np.minimum(_squares(steps[2:]), _squares(second[1:]))
+    result[3:] = np.sqrt(np.minimum(squares, _squares(np.diff(second, axis=0))))
+    return result
+
+
+def _usual(departure: Floats) -> Floats:
+    """Return the departure (S,) that each signal exceeds in 3 % of its frames (F, S), at least in 3 frames."""
+    rank = min(max(_LEAST_USUAL, int(_USUAL_SHARE * len(departure))), len(departure) - 1)
+    place = len(departure) - 1 - rank
+    return np.asarray(np.partition(departure, place, axis=0)[place])
+
+
+def _abrupt(departure: Floats, rough: Floats, usual: Floats) -> Bools:
+    """Return the frames (F, S) that depart from those before as far as the first frame of an excursion must."""
+    # The fourth difference about the frame t - 3 is the last one without the frame t.
     before = np.zeros_like(rough)
-    before[3:] = np.maximum(rough[1:-2], rough[:-3])
-    return np.asarray(departure >= SUSPECTED * (LEAST + ROUGHNESS * before))
+    before[3:] = rough[:-3]
+    return np.asarray(departure >= SUSPECTED * (LEAST + _USUAL * usual + _LARGEST * before))
 
 
 def _pairs(starts: Ints, stops: Ints, longest: int) -> Ints:
-    """Return all pairs (start, stop) of at most ``longest`` frames."""
+    """Return all pairs (P, 2) of a start and a later stop that are at most ``longest`` frames apart."""
     first = np.searchsorted(stops, starts, side="right")
-    last = np.searchsorted(stops, starts + longest, side="right")
-    number = last - first
+    number = np.searchsorted(stops, starts + longest, side="right") - first
     rows = np.repeat(np.arange(len(starts)), number)
     offsets = np.arange(number.sum()) - np.repeat(np.cumsum(number) - number, number)
     return np.stack([starts[rows], stops[first[rows] + offsets]], axis=1)
 
 
-def _scored(path: Floats, pairs: Ints, is_rotation: bool) -> tuple[Floats, Floats]:
-    """Return the sizes and scores (P,) of the excursions of one path (F, 4) in frames start to stop of pairs (P, 2)."""
-    start, stop = pairs[:, 0], pairs[:, 1]
-    n_steps = (stop - start + 1.0)[:, None]
-    count = np.arange(1, REACH + 1)
-    left = path[start[:, None] - count]  # (P, REACH, 4): the frame next to the excursion comes first
-    right = path[stop[:, None] + count - 1]
-    first, last = path[start], path[stop - 1]
+def _scored(paths: Floats, spans: Ints, n: int, usual: Floats, is_rotation: bool) -> tuple[Floats, Floats]:
+    """Return the sizes and scores (P,) of excursions of n frames, rows (signal, start, stop) of spans (P, 3)."""
+    signal, start = spans[:, 0], spans[:, 1]
+    window = paths[start[:, None] + np.arange(-_REACH, n + _REACH), signal[:, None]]
+    inside = np.arange(_REACH, _REACH + n)
     if is_rotation:
-        # Q and -Q are the same rotation: frames behind the excursion get the sign nearest to those before it.
-        sign = np.where(np.einsum("pk,pk->p", left[:, 0], right[:, 0]) < 0, -1.0, 1.0)[:, None]
-        right, last = right * sign[..., None], last * sign
-    # 1. The distance from the path: from what either side foretells, and from the line that bridges the excursion.
-    bridge = (right[:, 0] - left[:, 0]) / n_steps
-    squares = np.minimum(_departure(first, left), _departure(last, right))
-    squares = np.minimum(squares, _off_bridge(first, left, right, bridge, n_steps))
-    squares = np.minimum(squares, _off_bridge(last, right, left, -bridge, n_steps))
-    # 2. The roughness of the path without the excursion: the largest acceleration on each side, and how far the middle
-    # of the excursion lies apart when both sides go on at their velocities.
-    beside = np.concatenate([np.diff(left, n=2, axis=1), np.diff(right, n=2, axis=1)], axis=1)
-    onto = np.maximum(_squares(bridge - (left[:, 0] - left[:, 1])), _squares(bridge - (right[:, 1] - right[:, 0])))
-    rough = np.sqrt(np.maximum(_squares(beside).max(axis=1), onto * (n_steps[:, 0] / 2.0) ** 2))
-    # 3. An excursion of several frames must be as smooth inside as outside.
-    for row in np.flatnonzero(stop - start > 1):
-        inside = np.diff(path[start[row] : stop[row]], axis=0)
-        rough[row] = max(rough[row], np.sqrt(_squares(inside[[0, -1]] - bridge[row]).max()))
-        if len(inside) > 1:
-            rough[row] = max(rough[row], np.sqrt(_squares(np.diff(inside, axis=0)).max()))
-    size = np.sqrt(squares)
-    return size, size / (LEAST + ROUGHNESS * rough)
+        # Q and -Q are the same rotation: each frame gets the sign nearest to the last one before the excursion.
+        aligned = np.einsum("pfk,pk->pf", window[:, _REACH:], window[:, _REACH - 1]) < 0
+        window[:, _REACH:][aligned] *= -1.0
+    # 1. The path without the excursion: a cubic through two frames on each side, or a line through one.
+    cubic, line = _bridges(window, n)
+    off = np.sqrt(np.minimum(_squares(window[:, inside] - cubic), _squares(window[:, inside] - line)))
+    # 2. Both ends leave the path, and are not foretold by the side they adjoin.
+    ends = np.minimum(off[:, 0], off[:, -1])
+    departed = np.minimum(_foretold(window[:, : _REACH + 1]), _foretold(window[:, : _REACH + n - 2 : -1]))
+    size = np.minimum(ends, departed)
+    # 3. The threshold grows with the fourth differences of the path without the excursion, frames t - 5 to t + 5.
+    without = window[:, 1:-1].copy()
+    without[:, inside - 1] = cubic
+    fourth = _SCALE * np.sqrt(_squares(np.diff(without, n=4, axis=1)))
+    threshold = LEAST + _USUAL * usual[signal] + _LARGEST * fourth.max(axis=1) + _MEDIAN * _medians(fourth)
+    if n > 1:
+        threshold += _longer(window, n, off)
+    return size, size / threshold
 
 
-def _departure(frame: Floats, beside: Floats) -> Floats:
-    """Return the squared distances (P,) of frames (P, 4) from what the frames beside (P, REACH, 4) foretell.
+def _bridges(window: Floats, n: int) -> tuple[Floats, Floats]:
+    """Return a cubic and a line (P, n, 4) across the n frames in the middle of a window (P, n + 2 ``_REACH``, 4)."""
+    at = np.arange(n, dtype=np.float64)
+    knots = np.array([-2.0, -1.0, n, n + 1.0])
+    frames = window[:, [_REACH - 2, _REACH - 1, _REACH + n, _REACH + n + 1]]
+    # Lagrange's polynomials: the weight of a knot is the product of (t - k) / (knot - k) over the other knots k.
+    weights = np.ones((n, 4))
+    for column, knot in enumerate(knots):
+        for other in np.delete(knots, column):
+            weights[:, column] *= (at - other) / (knot - other)
+    share = ((at + 1.0) / (n + 1.0))[:, None]
+    line = frames[:, None, 1] + share * (frames[:, 2] - frames[:, 1])[:, None]
+    return np.einsum("nk,pkc->pnc", weights, frames), line
 
-    The least of three, as in ``departures``.
+
+def _foretold(frames: Floats) -> Floats:
+    """Return the distances (P,) of the last of frames (P, f, 4) from what those before foretell, as ``_departures``."""
+    last = frames[:, -4:]
+    orders = [_squares(np.diff(last, n=order, axis=1)[:, -1]) for order in (1, 2, 3)]
+    return np.sqrt(np.minimum(orders[0], np.minimum(orders[1], orders[2])))
+
+
+def _medians(values: Floats) -> Floats:
+    """Return the median (P,) of each row of values (P, n)."""
+    ordered = np.sort(values, axis=1)
+    return np.asarray((ordered[:, (values.shape[1] - 1) // 2] + ordered[:, values.shape[1] // 2]) / 2.0)
+
+
+def _longer(window: Floats, n: int, off: Floats) -> Floats:
+    """Return what the threshold (P,) of an excursion of n > 1 frames is higher by.
+
+    off: (P, n) distances from the path. The velocity may change meanwhile, and the excursion must be smooth inside,
+    like a part of another path, or rough like noise.
     """
-    near, next_, third = beside[:, 0], beside[:, 1], beside[:, 2]
-    constant, linear = _squares(frame - near), _squares(frame - 2.0 * near + next_)
-    return np.minimum(constant, np.minimum(linear, _squares(frame - 3.0 * near + 3.0 * next_ - third)))
+    before = window[:, _REACH - 1] - window[:, _REACH - 2]
+    behind = window[:, _REACH + n + 1] - window[:, _REACH + n]
+    across = (window[:, _REACH + n] - window[:, _REACH - 1]) / (n + 1.0)
+    turn = np.sqrt(np.maximum(_squares(across - before), _squares(across - behind)))
+    steps = np.diff(window[:, _REACH : _REACH + n], axis=1) - across[:, None]
+    inside = np.sqrt(np.maximum(_squares(steps[:, 0]), _squares(steps[:, -1])))
+    if n > 2:
+        inside = np.maximum(inside, np.sqrt(_squares(np.diff(steps, axis=1))).max(axis=1))
+    second = np.sqrt(_squares(np.diff(window[:, _REACH - 1 : _REACH + n + 1], n=2, axis=1)))
+    is_noise = (n > 2) & (second.mean(axis=1) >= _ROUGH_INSIDE * off.mean(axis=1))
+    return np.asarray(_SLOWING * (turn * (n + 1.0) / 2.0 + np.where(is_noise, 0.0, inside)))
 
 
-def _off_bridge(frame: Floats, near: Floats, far: Floats, bridge: Floats, n_steps: Floats) -> Floats:
-    """Return the squared distances (P,) of an end of the excursion (P, 4) from the bridge, straight or cubic.
-
-    near, far: (P, REACH, 4) frames on the side of this end and on the other. bridge: (P, 4) step of the straight line.
-    """
-    line = _squares(frame - near[:, 0] - bridge)
-    # Hermite's cubic with the velocities of both sides, at u = 1 / n of the way:
-    # x = near + (3 u² - 2 u³) d + (u - 2 u² + u³) n v + (u³ - u²) n w.
-    share = 1.0 / n_steps
-    way = bridge * n_steps
-    before, behind = near[:, 0] - near[:, 1], far[:, 1] - far[:, 0]
-    cubic = near[:, 0] + (3.0 * share**2 - 2.0 * share**3) * way
-    cubic = cubic + n_steps * ((share - 2.0 * share**2 + share**3) * before + (share**3 - share**2) * behind)
-    return np.minimum(line, _squares(frame - cubic))
-
-
-def _best(signal: int, pairs: Ints, size: Floats, score: Floats) -> list[Excursion]:
-    """Return the excursions that score at least ``SUSPECTED``, the best of those that overlap."""
-    found: list[Excursion] = []
-    for row in np.argsort(-score, kind="stable"):
-        start, stop = int(pairs[row, 0]) - REACH, int(pairs[row, 1]) - REACH
-        if score[row] < SUSPECTED:
-            break
+def _chosen(spans: Ints, size: Floats, score: Floats) -> list[Excursion]:
+    """Return the excursions among spans (P, 3) that score enough and do not touch: the sure, short and clear ones first."""
+    found: dict[int, list[Excursion]] = {}
+    order = np.lexsort((spans[:, 1], -score, spans[:, 2] - spans[:, 1], score < 1.0))
+    for row in order[score[order] >= SUSPECTED]:
+        signal, start, stop = int(spans[row, 0]), int(spans[row, 1]) - _REACH, int(spans[row, 2]) - _REACH
+        others = found.setdefault(signal, [])
         # Frames right beside an excursion are measured from it, and are none themselves.
-        if all(stop < other.start or start > other.stop for other in found):
-            found.append(Excursion(signal, start, stop, float(size[row]), float(score[row])))
-    return found
+        if all(stop < other.start or start > other.stop for other in others):
+            others.append(Excursion(signal, start, stop, float(size[row]), float(score[row])))
+    return [excursion for others in found.values() for excursion in others]
