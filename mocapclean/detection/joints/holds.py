@@ -1,4 +1,4 @@
-"""Find holds: frames in which the channels of a moving joint keep exactly one value until they are released by a jump."""
+"""Find holds: frames in which the channels of a moving joint keep one value until a jump releases them."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ _LEAST_JUMP = 2.0
 _JUMP_RATIO = 3.0
 """Times the steps behind the release that the jump is long, for a suspicion; likewise."""
 _STOP_RATIO = 3.0
-"""Times the acceleration beside a hold that the velocity is which ends at once in it, if the hold is clear; likewise."""
+"""Times the acceleration beside a clear hold that the velocity is which ends at once in it; likewise."""
 _LEAST_SPEED = 0.05
 """Degrees, or their equal in mm, per frame: a joint slower than this right before a hold may come to rest; likewise."""
 
@@ -57,7 +57,7 @@ def _is_within(known: Bools, start: int, stop: int) -> bool:
 
 
 def _judged(signal: int, start: int, stop: int, step: Floats, rough: Floats) -> Hold | None:
-    """Return the hold of a signal with steps (F - 1,) and accelerations (F,) in frames start to stop; None if released gently."""
+    """Return the hold of a signal with steps (F - 1,) and accelerations (F,) in some frames; None if released gently."""
     jump = float(step[stop - 1])  # into the frame ``stop``
     behind = step[stop : stop + _BESIDE - 1]
     before = step[start - 1 - _BESIDE : start - 1]

@@ -1,8 +1,8 @@
 """The channels of joints as paths in four dimensions: unit quaternions of rotations, millimetres of translations.
 
 Unit quaternions are points on the sphere of radius 1, and turning the world or a joint's own axes turns that sphere. A
-distance of d between two of them is a rotation by 4 asin(d / 2) radians. Straight lines and parabolas through a few frames
-leave the sphere by less than a fault that matters. All results are therefore the same for every order of Euler angles.
+distance of d between two of them is a rotation by 4 asin(d / 2) radians. Straight lines and parabolas through a few
+frames leave the sphere by less than a fault that matters. All results are therefore the same for every order of Euler angles.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ Part = Literal["rotation", "translation"]
 DEGREES = float(np.degrees(2.0))
 """Degrees of rotation per unit of a small distance between unit quaternions, which is half the angle in radians."""
 _LEAST_SHARE = 0.001
-"""Millimetres of translation that count as one degree, as a share of the skeleton's reach: a tenth of what a turn by one
-degree moves at the end of a limb as long as half of the body. Chosen by hand."""
+"""Millimetres of translation that count as one degree, as a share of the skeleton's reach: a tenth of what a turn by
+one degree moves at the end of a limb as long as half of the body. Chosen by hand."""
 _STEPS_OF_SPELLING = 3.0
 """Least steps of a signal that count as one degree: a coarsely spelled file steps by one or two. Chosen by hand."""
 

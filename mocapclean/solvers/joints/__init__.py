@@ -1,15 +1,15 @@
 """Fill rotations and translations of joints: the default method in the tangent space of each joint's rotations.
 
-A rotation q of a joint is the vector v = log(p⁻¹ q), in degrees, about a reference p near it. A gap of the joint is then
-a gap of three numbers, as that of a marker. The default method fills it from the rotations of the other joints and from
-the joint's own path (``mocapclean.solvers.kriging``). With s the straight turn between the frames beside the gap (slerp)
-and k the answer of the method, the filled rotation is
+A rotation q of a joint is the vector v = log(p⁻¹ q), in degrees, about a reference p near it. A gap of the joint is
+then a gap of three numbers, as that of a marker. The default method fills it from the rotations of the other joints and
+from the joint's own path (``mocapclean.solvers.kriging``). With s the straight turn between the frames beside the gap
+(slerp) and k the answer of the method, the filled rotation is
 
     q = s exp(w log(s⁻¹ k))      w = σₛ² / (σₛ² + σₖ²)      σ² = w σₖ²
 
 σₛ is how far the joint leaves straight turns of this length in this very take; it grows from the ends of a gap to its
-middle as a parabola. σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where the
-joints are known, are filled as the gaps are. So a joint that turns straight, and an answer that is not sure, stay near
+middle as a parabola. σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where
+the joints are known, are filled as the gaps are. So a joint that turns straight, and an answer that is not sure, stay near
 the straight turn.
 
 Sources: K. Shoemake, 1985, doi:10.1145/325165.325242 (slerp); J. Solà and others, 2018, A micro Lie theory for state
@@ -195,7 +195,7 @@ class _Charts:
         # σₛ in the middle, and 4 x (1 - x) of it at the share x of the gap
         share = np.arange(1, length + 1) / (length + 1)
         straight_variance = (self._straightness(column, length) * 4.0 * share * (1.0 - share)) ** 2 + _FINEST**2
-        weight = straight_variance / (straight_variance + sd**2)
+        weight = 1.0 / (1.0 + sd**2 / straight_variance)  # 1 where σₛ is not known
         away = weight[:, None] * rotation_vectors(times(conjugate(straight), found))
         return times(straight, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
 
