@@ -21,7 +21,7 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 @click.option("--skeleton", type=FILE, help="The .asf of the .amc files, if it is in another folder.")
 @click.option("--rate", type=float, help="Frames per second, for files without a rate (AMC: 120).")
 @click.option(
-    "--unit", default="cm", show_default=True, help="Unit of length of BVH files: mm, cm, m, in, or mm per unit."
+    "--unit", help="Unit of length of BVH files: mm, cm, m, in, or mm per unit (default: cm; inferred in skeletons)."
 )
 @click.option(
     "--out-dir",

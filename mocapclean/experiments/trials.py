@@ -61,10 +61,19 @@ class Capture:
     @cached_property
     def take(self) -> Take:
         """Return the take in the file, or its first frames, as markers: the papers judge positions."""
-        options = self.options
-        take = formats.read(self.path, skeleton=options.skeleton, rate=options.rate, unit=options.unit)
-        take = take.as_markers()
+        take = self._read().as_markers()
         return take.crop(0, self.n_frames) if self.n_frames else take
+
+    @cached_property
+    def posed(self) -> Take:
+        """Return the take in the file, or its first frames, with its poses if it has any."""
+        take = self._read()
+        return take.crop(0, self.n_frames) if self.n_frames else take
+
+    def _read(self) -> Take:
+        """Return the take in the file."""
+        options = self.options
+        return formats.read(self.path, skeleton=options.skeleton, rate=options.rate, unit=options.unit)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,14 +39,15 @@ def work(
     dictionary: Path | None,
     skeleton: Path | None,
     rate: float | None,
-    unit: str,
+    unit: str | None,
     out_dir: Path,
     overwrite: bool,
     wants_plots: bool,
 ) -> int:
     """Run an experiment, write its results and print them; return the exit code."""
     chosen = EXPERIMENTS[experiment].EXPERIMENT
-    options = ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres(unit))
+    unit = unit or (None if chosen.infers_unit else "cm")
+    options = ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres(unit) if unit else None)
     request = Request(
         captures=_captures(files, folder, chosen, options),
         methods=tuple(name.strip() for part in methods for name in part.split(",") if name.strip()),
