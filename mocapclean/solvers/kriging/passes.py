@@ -20,7 +20,6 @@ It was added to save passes; chosen by hand, no sweep was kept.
 """
 
 PART = 16  # most gaps that are filled together on one core; chosen among 32, 16 and 10: shares two cores best
-FEWEST_SHARED = 8  # gaps from which sharing pays: they take about 0.1 s, starting processes 0.02 s; chosen by hand
 
 
 class GapSpan(NamedTuple):
@@ -115,7 +114,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
 
 def _parts(gaps: list[GapSpan]) -> list[list[GapSpan]]:
     """Return the gaps in parts that take about as long; an even number of them, unless they are few."""
-    n_parts = 2 * -(-len(gaps) // (2 * PART)) if len(gaps) >= FEWEST_SHARED else 1
+    n_parts = 2 * -(-len(gaps) // (2 * PART)) if len(gaps) > PART else 1
     # Every part has gaps of all lengths.
     ordered = sorted(gaps, key=lambda gap: gap.stop - gap.start)
     return [part for part in (ordered[k::n_parts] for k in range(n_parts)) if part]
