@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, column_runs
+from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.geometry.joint_motion import (
     angles_between,
@@ -150,13 +150,13 @@ def _position_sd(skeleton: Skeleton, positions: Floats, turns: Floats, shifts: F
     return np.sqrt(variances)
 
 
-def _all_below(skeleton: Skeleton, joint: int) -> list[int]:
+def _all_below(skeleton: Skeleton, joint: int) -> Ints:
     """Return a joint and all that hang on it."""
     inside = [joint]
     for other, parent in enumerate(skeleton.parents):
         if parent in inside:
             inside.append(other)
-    return inside
+    return np.array(inside, dtype=np.intp)
 
 
 def _by_positions(method: str, take: Take, params: Any, wanted: Bools, dictionary: Dictionary | None) -> Solution:

@@ -53,7 +53,7 @@ def joints(tmp_path_factory):
     """A BVH with a span to distrust, and with a joint whose name is long and looks like markup."""
     folder = tmp_path_factory.mktemp("joints")
     text = (SAMPLES / "walk.bvh").read_text()
-    name = re.findall(r"JOINT (\S+)", text)[4]
+    name = re.findall(r"JOINT (\S+)", text)[3]
     (folder / "walk.bvh").write_text(re.sub(rf"JOINT {name}\b", lambda _: f"JOINT {NASTY}", text))
     (folder / "bad.csv").write_text(f'marker,first,last\n"{NASTY}",100,120\n')
     arguments = ["--gaps", folder / "bad.csv", "--method", "spline", "--html", folder / "page.html"]

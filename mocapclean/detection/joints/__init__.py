@@ -18,6 +18,11 @@ from mocapclean.geometry.skeleton import Skeleton
 
 _BESIDE = 2
 """Frames on each side of a fault that must be known if it is sure. Chosen by hand."""
+_FLIP = 100.0
+"""Degrees, as a chord, of a flip: 104 degrees of rotation. A joint and its children may have been solved in another way, and
+their repair needs them all. Chosen by hand on the thumbs and thighs of the takes at even places."""
+_LONGEST_FLIP = 2
+"""Frames up to which a flip is a pop like others. Chosen by hand."""
 _MANY = 0.5
 """Share of the joints that move: if more of them hold their values at once, the body may have been posed. By hand."""
 
@@ -53,7 +58,8 @@ def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointF
     clear = _clear_spans(parts, holds)
     for signals, excursions, own_holds in zip(parts, pops, holds, strict=True):
         excused = _excused(signals, excursions, own_holds)
-        found += [_pop(signals, excursion) for excursion in excursions]
+        sure = _sure(skeleton, signals, excursions)
+        found += [_pop(signals, excursion, excursion in sure) for excursion in excursions]
         found += [_hold(signals, hold, clear) for hold in own_holds]
         found += [_splice(signals, splice) for splice in find_splices(signals, excused)]
     return tuple(sorted(found, key=lambda fault: (fault.kind, fault.joint, fault.part, fault.start)))
@@ -83,9 +89,31 @@ def _excused(signals: Signals, excursions: list[Excursion], holds: list[Hold]) -
     return excused
 
 
-def _pop(signals: Signals, excursion: Excursion) -> JointFault:
+def _sure(skeleton: Skeleton, signals: Signals, excursions: list[Excursion]) -> set[Excursion]:
+    """Return the excursions that no motion explains, and those of their parents and children in the same frames.
+
+    An excursion of a joint that its child undoes must be repaired in both or in neither.
+    """
+    judged = [excursion for excursion in excursions if _can_be_sure(signals, excursion)]
+    sure = {excursion for excursion in judged if excursion.score >= 1.0}
+    spans = {(int(signals.joints[other.signal]), other.start, other.stop) for other in sure}
+    for excursion in judged:
+        joint = int(signals.joints[excursion.signal])
+        near = {skeleton.parents[joint], *(child for child, parent in enumerate(skeleton.parents) if parent == joint)}
+        if any((other, excursion.start, excursion.stop) in spans for other in near):
+            sure.add(excursion)
+    return sure
+
+
+def _can_be_sure(signals: Signals, excursion: Excursion) -> bool:
+    """Whether the frames beside an excursion are known, and it is no lasting flip to another solution of the pose."""
     start, stop = excursion.start, excursion.stop
-    known = signals.known[max(start - _BESIDE, 0) : stop + _BESIDE, excursion.signal]
+    is_flip = signals.part == "rotation" and stop - start > _LONGEST_FLIP and excursion.size >= _FLIP
+    return not is_flip and bool(signals.known[max(start - _BESIDE, 0) : stop + _BESIDE, excursion.signal].all())
+
+
+def _pop(signals: Signals, excursion: Excursion, is_sure: bool) -> JointFault:
+    start, stop = excursion.start, excursion.stop
     frames = "1 frame" if stop - start == 1 else f"{stop - start} frames"
     size = signals.measure(excursion.signal, excursion.size)
     return JointFault(
@@ -94,7 +122,7 @@ def _pop(signals: Signals, excursion: Excursion) -> JointFault:
         start=start,
         stop=stop,
         part=signals.part,
-        is_sure=excursion.score >= 1.0 and bool(known.all()),
+        is_sure=is_sure,
         message=f"the {signals.part} leaves its path by {size} for {frames} and comes back",
     )
 

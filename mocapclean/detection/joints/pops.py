@@ -18,9 +18,9 @@ _LARGEST = 1.0
 """Times the largest fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
 _MEDIAN = 3.0
 """Times the median fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
-_USUAL = 1.0
+_USUAL = 2.0
 """Times the departure that the joint exceeds in ``_USUAL_SHARE`` of the frames. Chosen with ``LEAST``."""
-_USUAL_SHARE = 0.03
+_USUAL_SHARE = 0.1
 """Share of frames; heels and toes leave their path at each strike of the foot. Chosen with ``LEAST``."""
 _LEAST_USUAL = 3
 """Frames whose departures count as faults, not as usual, in takes too short for the share. Chosen by hand."""
@@ -107,7 +107,7 @@ def _departures(paths: Floats) -> Floats:
 
 
 def _usual(departure: Floats) -> Floats:
-    """Return the departure (S,) that each signal exceeds in 3 % of its frames (F, S), at least in 3 frames."""
+    """Return the departure (S,) that each signal exceeds in a tenth of its frames (F, S), at least in 3."""
     rank = min(max(_LEAST_USUAL, int(_USUAL_SHARE * len(departure))), len(departure) - 1)
     place = len(departure) - 1 - rank
     return np.asarray(np.partition(departure, place, axis=0)[place])

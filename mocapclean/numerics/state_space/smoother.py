@@ -146,68 +146,72 @@ class Smoothed:
 def kalman_filter(dynamics: Dynamics, measurements: Measurements) -> Filtered:
     """Return the filtered means and covariances of all frames."""
     transition, n_states = dynamics.transition, len(dynamics.transition)
-    roots, gain_factors, diagonals, counts, index = _filtered_covariances(dynamics, measurements)
+    roots, gain_factors, log_determinant, index = _filtered_covariances(dynamics, measurements)
     covariances = roots @ roots.swapaxes(1, 2)  # V = K Kᵀ
-    gains = roots @ gain_factors.swapaxes(1, 2)  # J = K (P_{t+1}⁻¹ A K)ᵀ
+    gains = roots @ gain_factors  # J = K (P_{t+1}⁻¹ A K)ᵀ
+    # V Aᵀ of all frames is one product; V − J A V
+    moved = (covariances.reshape(-1, n_states) @ transition.T).reshape(covariances.shape)
+    residual_covariances = covariances - gains @ moved.swapaxes(1, 2)
     # μ_t = (I − V G) A μ_{t−1} + V h_t; the first mean is predicted to be m itself, without A.
     first = np.searchsorted(index, np.arange(len(roots)))
     shrinkage = np.eye(n_states) - covariances @ measurements.innovation_information[measurements.index[first]]
-    shrinkage[1:] = shrinkage[1:] @ transition
-    updates = np.concatenate([shrinkage, covariances], axis=2)
+    updates = np.empty((len(roots), n_states, 2 * n_states))
+    updates[..., :n_states] = (shrinkage.reshape(-1, n_states) @ transition).reshape(shrinkage.shape)
+    updates[0, :, :n_states], updates[..., n_states:] = shrinkage[0], covariances
     means = _recursion(updates, index, dynamics.start, measurements.vectors)
     return Filtered(
         predicted_means=np.concatenate([dynamics.start[None], means[:-1] @ transition.T]),
         means=means,
         covariances=covariances,
         gains=gains,
-        residual_covariances=covariances - gains @ (transition @ covariances),
+        residual_covariances=residual_covariances,
         index=index,
-        log_determinant=2.0 * float(np.dot(counts, np.log(diagonals).sum(axis=1))),
+        log_determinant=log_determinant,
     )
 
 
-def _filtered_covariances(
-    dynamics: Dynamics, measurements: Measurements
-) -> tuple[Floats, Floats, Floats, list[int], Ints]:
-    """Return the roots K of V = K Kᵀ, P_{t+1}⁻¹ A K, the diagonals of R, the frames of each, and the index (T,)."""
+def _filtered_covariances(dynamics: Dynamics, measurements: Measurements) -> tuple[Floats, Floats, float, Ints]:
+    """Return the roots K of V = K Kᵀ, (P_{t+1}⁻¹ A K)ᵀ, Σ log det(I + P G), and the index (T,) into the first two."""
     transition, process = dynamics.transition, dynamics.process
     n_frames, n_states = measurements.vectors.shape
     index = np.empty(n_frames, dtype=np.intp)
-    roots: list[Floats] = []
-    gain_factors: list[Floats] = []
-    diagonals: list[Floats] = []
-    counts: list[int] = []
-    diagonal = slice(None, None, n_states + 1)
-    predicted = dynamics.start_covariance
-    lower = scipy.linalg.lapack.dpotrf(predicted, lower=1)[0]
+    # Room for a value of each frame; what is not used is never touched.
+    roots, gain_factors = (np.empty((n_frames, n_states, n_states)) for _ in range(2))
+    diagonals, counts, identity = np.empty((n_frames, n_states)), list[int](), np.eye(n_states)
+    factored, solved, divided = scipy.linalg.lapack.dpotrf, scipy.linalg.lapack.dtrtrs, scipy.linalg.lapack.dpotrs
+    predicted, k = dynamics.start_covariance, 0
+    lower = factored(predicted, lower=1)[0]
     for start, stop in _constant_runs(measurements.index):
         information, frame = measurements.information[measurements.index[start]], start
         while frame < stop:
             # S = I + Lᵀ G L = R Rᵀ
             scaled = lower.T.dot(information.dot(lower))
-            scaled.ravel()[diagonal] += 1.0
-            factor = scipy.linalg.lapack.dpotrf(scaled.T, lower=1, clean=0, overwrite_a=1)[0]
+            scaled += identity
+            factor = factored(scaled.T, lower=1, clean=0, overwrite_a=1)[0]
             # K = L R⁻ᵀ, the root of V = L S⁻¹ Lᵀ
-            root = scipy.linalg.lapack.dtrtrs(factor, lower.T, lower=1)[0].T
+            root = solved(factor, lower.T, lower=1)[0].T
             # P_{t+1} = A K (A K)ᵀ + Q = L Lᵀ
             moved = transition.dot(root)
             following = moved.dot(moved.T)
             following += process
-            lower = scipy.linalg.lapack.dpotrf(following, lower=1)[0]
+            lower = factored(following, lower=1)[0]
             # The steady state serves all frames that are left of the run.
             tested = frame > start and frame % STEADY_TEST_INTERVAL == 0
             last = stop if tested and _is_steady(following, predicted) else frame + 1
-            index[frame:last] = len(roots)
-            roots.append(root)
-            gain_factors.append(scipy.linalg.lapack.dpotrs(lower, moved, lower=1)[0])
-            diagonals.append(factor.diagonal())
+            index[frame:last] = k
+            roots[k], gain_factors[k] = root, divided(lower, moved, lower=1)[0].T
+            diagonals[k] = factor.diagonal()
             counts.append(last - frame)
-            predicted, frame = following, last
-    return np.array(roots), np.array(gain_factors), np.array(diagonals), counts, index
+            predicted, frame, k = following, last, k + 1
+    log_determinant = 2.0 * float(np.dot(counts, np.log(diagonals[:k]).sum(axis=1)))
+    return roots[:k], gain_factors[:k], log_determinant, index
 
 
 def _is_steady(covariance: Floats, other: Floats) -> bool:
     """Whether two covariances of successive frames differ by rounding alone."""
+    # The trace is at least the largest variance: one entry that changes more than its share shows most changes.
+    if abs(covariance.item(0) - other.item(0)) > STEADY_CHANGE * covariance.trace():
+        return False
     return bool(np.abs(covariance - other).max() <= STEADY_CHANGE * covariance.diagonal().max())
 
 
@@ -231,32 +235,36 @@ def _constant_runs(index: Ints) -> list[tuple[int, int]]:
 
 def rts_smoother(dynamics: Dynamics, filtered: Filtered) -> Smoothed:
     """Return the smoothed means and covariances of all frames."""
-    transition, gains = dynamics.transition, filtered.gains
-    n_states = len(transition)
+    gains, residuals, n_frames = filtered.gains, filtered.residual_covariances, len(filtered.index)
+    n_states = len(dynamics.transition)
     # ẑ_t = J ẑ_{t+1} + (I − J A) μ_t, from the last frame backwards
-    updates = np.concatenate([gains, np.eye(n_states) - gains @ transition], axis=2)
+    updates = np.empty((len(gains), n_states, 2 * n_states))
+    updates[..., :n_states] = gains
+    stayed = (gains.reshape(-1, n_states) @ dynamics.transition).reshape(gains.shape)
+    np.subtract(np.eye(n_states), stayed, out=updates[..., n_states:])
     earlier, last = filtered.means[-2::-1], filtered.means[-1]
     means = np.concatenate([last[None], _recursion(updates, filtered.index[-2::-1], last, earlier)])[::-1]
-    covariances, counts = [filtered.covariances[filtered.index[-1]]], [1]
+    # Covariances are stored from the end of the room for a value of each frame.
+    covariances, counts, k = np.empty((n_frames, n_states, n_states)), [1], n_frames - 1
+    covariances[k] = following = filtered.covariances[filtered.index[-1]]
     lagged = np.zeros((n_states, n_states))
     for start, stop in reversed(_constant_runs(filtered.index[:-1])):
-        gain, residual = gains[filtered.index[start]], filtered.residual_covariances[filtered.index[start]]
-        frame = stop
+        value = int(filtered.index[start])
+        gain, residual, frame = gains[value], residuals[value], stop
         while frame > start:
             # V̂_t = (V − J A V) + J V̂_{t+1} Jᵀ and cov(z_t, z_{t+1}) = J V̂_{t+1}
-            following = covariances[-1]
             cross = gain.dot(following)
             covariance = cross.dot(gain.T)
             covariance += residual
             tested = frame < stop and frame % STEADY_TEST_INTERVAL == 0
             count = frame - start if tested and _is_steady(covariance, following) else 1
-            lagged += count * cross
-            covariances.append(covariance)
+            lagged += cross if count == 1 else count * cross
+            k, frame, following = k - 1, frame - count, covariance
+            covariances[k] = covariance
             counts.append(count)
-            frame -= count
     return Smoothed(
         means=means,
-        covariances=np.array(covariances[::-1]),
+        covariances=covariances[k:],
         index=np.repeat(np.arange(len(counts)), counts[::-1]),
         lagged=lagged.T,
     )

@@ -9,8 +9,8 @@ from the joint's own path (``mocapclean.solvers.kriging``). With s the straight 
 
 σₛ is how far the joint leaves straight turns of this length in this very take; it grows from the ends of a gap to its
 middle as a parabola. σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where
-the joints are known, are filled as the gaps are. So a joint that turns straight, and an answer that is not sure, stay near
-the straight turn.
+the joints are known, are filled as the gaps are. So a joint that turns straight, and an answer that is not sure, stay
+near the straight turn.
 
 Sources: K. Shoemake, 1985, doi:10.1145/325165.325242 (slerp); J. Solà and others, 2018, A micro Lie theory for state
 estimation in robotics, arXiv:1812.01537, eqs. 25 and 26 (log and exp).
@@ -129,7 +129,7 @@ def _means(motion: JointMotion) -> Floats:
     )
     sums = (signed * motion.rotation_known[..., None]).sum(axis=0)
     sizes = np.linalg.norm(sums, axis=1, keepdims=True)
-    return np.where(sizes > 0.0, sums / np.where(sizes > 0.0, sizes, 1.0), motion.rotations[0])
+    return np.asarray(np.where(sizes > 0.0, sums / np.where(sizes > 0.0, sizes, 1.0), motion.rotations[0]))
 
 
 class _Charts:

@@ -16,7 +16,7 @@ EXACT_SHARE = 0.005
 
 Measured markers never do, computed points do: ``mocapclean bench markers`` leaves points out by the same limit.
 """
-FEATURE_LOOSENESS = 2.5  # least looseness of the features' scales, which are more even than the weights in frames
+FEATURE_SLACK = 2.5  # times the rigidity parameter, the SD of a distance (5 mm) below which features are scaled alike
 
 
 @dataclass(frozen=True)
@@ -45,28 +45,26 @@ class NeighbourDistances:
             variance[exact_pairs(np.sqrt(variance), EXACT_SHARE * rigidity)] = np.inf
         return cls(mean, variance, rigidity)
 
-    def weights(self, marker: int, looseness: float = 1.0) -> Floats:
+    def weights(self, marker: int) -> Floats:
         """Return the weight (M,) of each marker as a neighbour of one; 0 for itself and for pairs never measured.
 
-            w = 1 / ((Var d + (looseness · r)²) (E d + 25 r))      d the distance, r the rigidity parameter
-
-        looseness: times r, the SD of a distance below which neighbours weigh alike.
+        w = 1 / ((Var d + r²) (E d + 25 r))      d the distance, r the rigidity parameter
         """
-        return self.weights_between(np.intp(marker), np.arange(len(self.mean)), looseness)
+        return self.weights_between(np.intp(marker), np.arange(len(self.mean)))
 
-    def weights_between(self, markers: Ints | np.intp, neighbours: Ints, looseness: float = 1.0) -> Floats:
+    def weights_between(self, markers: Ints | np.intp, neighbours: Ints) -> Floats:
         """Return the weights, as in ``weights``, of neighbours for markers of any shapes that broadcast."""
-        variance = self.variance[markers, neighbours] + (looseness * self.rigidity) ** 2
+        variance = self.variance[markers, neighbours] + self.rigidity**2
         distance = self.mean[markers, neighbours] + NEAR_RATIO * self.rigidity
         weights = 1.0 / (variance * distance)
         return np.where(np.isfinite(weights) & (markers != neighbours), weights, 0.0)
 
-    def rigid_scales(self, marker: int | Ints, neighbours: Ints, looseness: float = 1.0) -> Floats:
+    def rigid_scales(self, marker: int | Ints, neighbours: Ints) -> Floats:
         """Return the scale factors (..., n) of neighbour positions as regression features in turning axes.
 
         A factor is 1 / SD of the distance, so that the ridge penalty shrinks loosely tied neighbours more.
         """
-        slack = max(FEATURE_LOOSENESS, looseness) * self.rigidity
+        slack = FEATURE_SLACK * self.rigidity
         return np.asarray(1.0 / np.sqrt(self.variance[marker, neighbours] + slack**2), dtype=np.float64)
 
     def shifting_scales(self, marker: int | Ints, neighbours: Ints) -> Floats:

@@ -19,7 +19,7 @@ SETTLED_CHANGE = 0.3
 It was added to save passes; chosen by hand, no sweep was kept.
 """
 
-PART = 32  # gaps that are filled together on one core; chosen by hand for speed
+PART = 16  # most gaps that are filled together on one core; chosen among 32, 16 and 10: shares two cores best
 
 
 class GapSpan(NamedTuple):
@@ -92,10 +92,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
     first: whether it is the first pass over these gaps, in which their segments are compared with the own path.
     """
     progress.stage("filling", len(gaps))
-    # Every part has gaps of all lengths, so that all take about as long.
-    ordered = sorted(gaps, key=lambda gap: gap.stop - gap.start)
-    n_parts = -(-len(gaps) // PART)
-    parts = [ordered[k::n_parts] for k in range(n_parts)]
+    parts = _parts(gaps)
     positions, sd = state.positions.copy(), state.sd.copy()
     outcome = PassOutcome(False, [], [])
     for part, filled in zip(parts, in_parts(partial(_answered, state, first), parts), strict=True):
@@ -113,6 +110,14 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
     state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return outcome
+
+
+def _parts(gaps: list[GapSpan]) -> list[list[GapSpan]]:
+    """Return the gaps in parts that take about as long; an even number of them, unless they are few."""
+    n_parts = 2 * -(-len(gaps) // (2 * PART)) if len(gaps) > PART else 1
+    # Every part has gaps of all lengths.
+    ordered = sorted(gaps, key=lambda gap: gap.stop - gap.start)
+    return [part for part in (ordered[k::n_parts] for k in range(n_parts)) if part]
 
 
 def _answered(state: TakeState, first: bool, gaps: list[GapSpan]) -> list[_FilledGap]:

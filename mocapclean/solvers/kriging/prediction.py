@@ -53,21 +53,21 @@ def _frames_of_reference(predictors: list[Predictor], near: Neighbourhoods, batc
     They follow the framing neighbours; where there are none they only shift with the mean of all neighbours.
     """
     # All distinct alignments are computed at once, one row of weights each.
-    distinct = list(dict.fromkeys((p.n_framing, p.looseness) for p in predictors if p.n_framing))
-    found: dict[tuple[int, float], BodyFrames] = {}
+    distinct = list(dict.fromkeys(p.n_framing for p in predictors if p.n_framing))
+    found: dict[int, BodyFrames] = {}
     if distinct:
-        weights = np.stack([_framing_weights(near, *each) for each in distinct], axis=1)
+        weights = np.stack([_framing_weights(near, each) for each in distinct], axis=1)
         aligned = segment_frames(near.positions, weights, batch.n_training)
         found = {each: BodyFrames(aligned.axes[:, k], aligned.origins[:, k]) for k, each in enumerate(distinct)}
     share = near.in_use / near.in_use.sum(axis=1, keepdims=True)
     means = (share[:, None, None] @ near.positions)[:, :, 0]
     shifting = BodyFrames(np.broadcast_to(np.eye(3), (*means.shape, 3)), means)
-    return [found.get((p.n_framing, p.looseness), shifting) for p in predictors]
+    return [found.get(p.n_framing, shifting) for p in predictors]
 
 
-def _framing_weights(near: Neighbourhoods, n_framing: int, looseness: float) -> Floats:
+def _framing_weights(near: Neighbourhoods, n_framing: int) -> Floats:
     """Return the weights (G, q) of the neighbours that frames of reference are aligned with; 0 for the others."""
-    weights = near.distances.weights_between(near.markers[:, None], near.neighbours, looseness) * near.in_use
+    weights = near.distances.weights_between(near.markers[:, None], near.neighbours) * near.in_use
     weights[:, n_framing:] = 0.0
     return weights
 
@@ -105,7 +105,10 @@ def _features(
     They are scaled positions of neighbours in the frame, then radii and nearness to poses.
     """
     chosen = slice(0, predictor.n_features)
-    local = frames.to_local(near.positions[:, :, chosen]) * _scales(predictor, near)[:, None, chosen, None]
+    positions = near.positions[:, :, chosen]
+    # Axes that only shift need no product.
+    local = frames.to_local(positions) if predictor.n_framing else positions - frames.origins[..., None, :]
+    local *= _scales(predictor, near)[:, None, chosen, None]
     features = local.reshape(*local.shape[:2], -1)
     in_use = 3.0 * near.in_use[:, chosen].sum(axis=1)
     if radii is not None:
@@ -119,7 +122,7 @@ def _features(
 def _scales(predictor: Predictor, near: Neighbourhoods) -> Floats:
     """Return the factors (G, q) of the neighbours' positions; 0 for those that are not in use."""
     if predictor.n_framing:
-        scales = near.distances.rigid_scales(near.markers[:, None], near.neighbours, predictor.looseness)
+        scales = near.distances.rigid_scales(near.markers[:, None], near.neighbours)
     else:
         scales = near.distances.shifting_scales(near.markers[:, None], near.neighbours)
     return scales * near.in_use

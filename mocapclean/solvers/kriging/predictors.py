@@ -9,14 +9,12 @@ class Predictor:
 
     n_framing: neighbours that the frame is aligned with; 0 for one that shifts with the mean of all without turning.
     n_features: neighbours whose positions in the frame are features.
-    looseness: times the rigidity parameter, the SD of a distance below which neighbours weigh alike in the frame.
     hinged: whether the frame is that of a joint between two rigid neighbours (``hinge``).
     n_poses: radial basis features that are added, each the nearness to one pose; 0 for none.
     """
 
     n_framing: int
     n_features: int
-    looseness: float = 1.0
     hinged: bool = False
     n_poses: int = 0
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocapclean.arrays import Floats
+from mocapclean.arrays import Floats, Ints
 from mocapclean.solvers.kriging.bridging import KERNELS
 from mocapclean.solvers.kriging.ridge import penalty_units, ridge_weights
 from mocapclean.solvers.kriging.sampling_plan import N_FOLDS
@@ -58,8 +58,10 @@ def krige(
     # y_t - μ and a_t - their mean over the training rows
     level = batch.training_mean(target)
     features, target = features - batch.training_mean(features), target - level
-    in_use = batch.training_share.swapaxes(1, 2) > 0.0
-    learnt, values = features[:, batch.training] * in_use, target[:, batch.training] * in_use
+    learnt, values = features[:, batch.training], target[:, batch.training]
+    if batch.n_training.min() < learnt.shape[1]:
+        in_use = batch.training_share.swapaxes(1, 2) > 0.0
+        learnt, values = learnt * in_use, values * in_use
     gram, cross = learnt.swapaxes(1, 2) @ learnt, learnt.swapaxes(1, 2) @ values
     penalties = PENALTIES * penalty_units(gram, n_features)[:, None]
     if batch.n_windows.any():
@@ -91,10 +93,8 @@ def _weights_of_folds(
     learnt: Floats, values: Floats, gram: Floats, cross: Floats, penalties: Floats, batch: SegmentBatch
 ) -> Floats:
     """Return the ridge weights (G, folds, λ, p, 3) that are learnt without the rows that each fold leaves out."""
-    segments = np.arange(len(learnt))[:, None, None]
-    # Taking the rows that are held out off the sums is cheaper than summing over the others. The last row is zero.
-    held_out = np.pad(learnt, ((0, 0), (0, 1), (0, 0)))[segments, batch.held_out]
-    held_out_values = np.pad(values, ((0, 0), (0, 1), (0, 0)))[segments, batch.held_out]
+    # Taking the rows that are held out off the sums is cheaper than summing over the others. Rows beyond them are zero.
+    held_out, held_out_values = (_rows_or_zeros(of_rows, batch.held_out) for of_rows in (learnt, values))
     grams = gram[:, None] - held_out.swapaxes(2, 3) @ held_out
     crosses = cross[:, None] - held_out.swapaxes(2, 3) @ held_out_values
     shape = len(learnt) * N_FOLDS, learnt.shape[2]
@@ -102,6 +102,14 @@ def _weights_of_folds(
         grams.reshape(*shape, -1), crosses.reshape(*shape, 3), np.repeat(penalties, N_FOLDS, axis=0)
     )
     return weights.reshape(len(learnt), N_FOLDS, *weights.shape[1:])
+
+
+def _rows_or_zeros(values: Floats, rows: Ints) -> Floats:
+    """Return rows (G, folds, H) of values (G, T, p); zeros for row T."""
+    n_rows = values.shape[1]
+    taken: Floats = values[np.arange(len(values))[:, None, None], np.minimum(rows, n_rows - 1)]
+    taken[rows == n_rows] = 0.0
+    return taken
 
 
 def _fold_residuals(features: Floats, target: Floats, weights: Floats, batch: SegmentBatch) -> Floats:
