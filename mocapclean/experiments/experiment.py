@@ -19,8 +19,8 @@ class Experiment:
     reference: of its paper. measures: columns of its results. trials: of a request. tables, figures: of its results.
     sequences: the paper's takes, looked for in a folder if no file is named. needs_captures: whether it needs takes.
     quick_frames: first frames of each take that ``--quick`` keeps; None for all. infers_unit: whether the unit of a BVH
-    is inferred from the body unless the user gives it; the papers' takes are in centimetres. notes: lines printed
-    above the tables.
+    is inferred from the body unless the user gives it; the papers' takes are in centimetres. notes: lines printed above
+    the tables.
     """
 
     reference: str

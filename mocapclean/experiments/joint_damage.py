@@ -170,11 +170,12 @@ def _moving_joint(body: _Body, frames: slice, rng: np.random.Generator) -> Event
 
 
 def _limb(body: _Body, frames: slice, rng: np.random.Generator) -> Event | None:
-    """Return the next joint, with the channels of all that hang on it, that is neither a root nor without children."""
+    """Return the next joint but the root on which others hang that turn, with the channels of all of them."""
     for joint in _in_turn(body, rng):
         inside = below(body.skeleton, joint)
         channels = [channel for other in inside for channel in body.turning[other]]
-        if len(inside) > 1 and body.skeleton.parents[joint] >= 0 and body.is_right(frames, channels):
+        n_turning = sum(bool(body.turning[other]) for other in inside)
+        if n_turning > 1 and body.skeleton.parents[joint] >= 0 and body.is_right(frames, channels):
             return Event(joint, frames.start, frames.stop, tuple(channels))
     return None
 

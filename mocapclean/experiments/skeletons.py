@@ -25,7 +25,7 @@ from mocapclean.evaluation import metrics
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.joint_damage import DAMAGES, DETECTED, Damaged, Event, below, damaged
 from mocapclean.experiments.markers import halves
-from mocapclean.experiments.results import Figure, Results, Row, Table, geometric_mean, number
+from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, parameters
 from mocapclean.geometry.euler import rotations_of
 from mocapclean.geometry.joint_motion import (
@@ -448,8 +448,22 @@ def _replaced(results: Results) -> Table:
 
 
 def figures(results: Results) -> list[Figure]:
-    """Return no figures."""
-    return []
+    """Return the figure of the cumulative share of lost joints over their rotation error, a panel for each length."""
+    panels = []
+    for kind, size in DAMAGES:
+        if kind != "joint lost":
+            continue
+        curves = []
+        for name in GROUPS:
+            rows = [r for r in results.where(damage=kind, size=size).rows if group(r.values["rate"]) == name]
+            errors = [series["degrees"] for row in rows if (series := row.series())]
+            if errors:
+                degrees = np.sort(np.concatenate(errors))
+                degrees = degrees[np.isfinite(degrees)]
+                share = (np.arange(degrees.size) + 1.0) / max(degrees.size, 1)
+                curves.append(Curve(label=f"{name} Hz", x=degrees, y=share))
+        panels.append(Panel(title=f"{size} frames", x_label="degrees", y_label="share", curves=tuple(curves)))
+    return [Figure(name="skeletons_lost", title="Lost joints over their rotation error", panels=tuple(panels))]
 
 
 EXPERIMENT = Experiment(
