@@ -2,15 +2,16 @@
 
 A rotation q of a joint is the vector v = log(p⁻¹ q), in degrees, about a reference p near it. A gap of the joint is
 then a gap of three numbers, as that of a marker. The default method fills it from the rotations of the other joints and
-from the joint's own path (``mocapclean.solvers.kriging``). With s the straight turn between the frames beside the gap
-(slerp) and k the answer of the method, the filled rotation is
+from the joint's own path (``mocapclean.solvers.kriging``). With s a plain path over the gap and k the answer of the
+method, the filled rotation is
 
     q = s exp(w log(s⁻¹ k))      w = σₛ² / (σₛ² + σₖ²)      σ² = w σₖ²
 
-σₛ is how far the joint leaves straight turns of this length in this very take; it grows from the ends of a gap to its
-middle as a parabola. σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where
-the joints are known, are filled as the gaps are. So a joint that turns straight, and an answer that is not sure, stay
-near the straight turn.
+The plain path is the straight turn between the frames beside the gap (slerp), or the cubic that meets the velocities of
+both sides, whichever errs less on stretches of this length in this very take. σₛ is this error; it grows from the ends
+of a gap to its middle as a parabola. σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where
+the joints are known, are filled as the gaps are. So a joint that turns plainly, and an answer that is not sure, stay
+near the plain path, and so do the ends.
 
 Sources: K. Shoemake, 1985, doi:10.1145/325165.325242 (slerp); J. Solà and others, 2018, A micro Lie theory for state
 estimation in robotics, arXiv:1812.01537, eqs. 25 and 26 (log and exp).
@@ -51,6 +52,8 @@ _DEPENDENCE = 1.15
 """What weighed error bars are multiplied by, because both parts err alike. Chosen on half of the captures: 90 %."""
 _INTERVAL_90 = 1.645
 """Standard deviations on each side of the mean that hold 90 % of a normal distribution."""
+_LAG = 2
+"""Frames over which the velocity beside a gap is measured. By hand: one frame has twice the noise, more are late."""
 _FEWEST_STRETCHES, _STRETCHES = 20, 200
 """Stretches of a take from which σₛ is measured: with fewer than the first number it is not known. Chosen by hand."""
 _FINEST = 1e-3
@@ -186,33 +189,55 @@ class _Charts:
         return straight_turns(rotations[span], unknown[span])[start - span.start : stop - span.start]
 
     def _weighed(self, known: Bools, found: Floats, sd: Floats, column: int, start: int) -> tuple[Floats, Floats]:
-        """Return the rotations (n, 4) of a gap between the straight turn and the answer, and their sd (n,), degrees.
+        """Return the rotations (n, 4) of a gap between its plain path and the answer, and their sd (n,), degrees.
 
-        known: (F, n) the frames from which the straight turn comes. found, sd: (n, 4), (n,) the method's answer.
+        known: (F, n) the frames from which the plain path comes. found, sd: (n, 4), (n,) the method's answer.
         """
         length = len(found)
-        straight = self._straight(known, column, start, start + length)
+        plain, middle_sd = self._plain(known, column, start, length)
         # σₛ in the middle, and 4 x (1 - x) of it at the share x of the gap
         share = np.arange(1, length + 1) / (length + 1)
-        straight_variance = (self._straightness(column, length) * 4.0 * share * (1.0 - share)) ** 2 + _FINEST**2
-        weight = 1.0 / (1.0 + sd**2 / straight_variance)  # 1 where σₛ is not known
-        away = weight[:, None] * rotation_vectors(times(conjugate(straight), found))
-        return times(straight, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
+        plain_variance = (middle_sd * 4.0 * share * (1.0 - share)) ** 2 + _FINEST**2
+        weight = 1.0 / (1.0 + sd**2 / plain_variance)  # 1 where σₛ is not known
+        away = weight[:, None] * rotation_vectors(times(conjugate(plain), found))
+        return times(plain, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
 
-    def _straightness(self, column: int, length: int) -> float:
-        """Return σₛ: the RMS angle about an axis, degrees, between a joint and straight turns in their middle."""
-        known = self.known[:, column]
-        starts = np.arange(1, len(known) - length)
+    def _plain(self, known: Bools, column: int, start: int, length: int) -> tuple[Floats, float]:
+        """Return the plain path (n, 4) over a gap, and σₛ: the RMS angle about an axis of its error in the middle.
+
+        It is the straight turn or the cubic with the velocities of both sides, whichever errs less in this take.
+        """
+        straight = self._straight(known, column, start, start + length)
+        sides = [*range(start - 1 - _LAG, start), *range(start + length, start + length + 1 + _LAG)]
+        stretches = self._stretches(column, length)
+        if len(stretches) < _FEWEST_STRETCHES:
+            return straight, np.inf
+        errors = [self._middle_error(column, stretches, length, cubic=cubic) for cubic in (False, True)]
+        has_velocity = sides[0] >= 0 and sides[-1] < len(known) and known[sides, column].all()
+        if not has_velocity or errors[0] <= errors[1]:
+            return straight, errors[0]
+        steps = np.arange(1, length + 1)
+        return _cubic(self.rotations[:, column], np.array([start]), length, steps)[0], errors[1]
+
+    def _stretches(self, column: int, length: int) -> Ints:
+        """Return the starts of stretches of some frames in which, and beside which, a joint is known."""
+        known, beside = self.known[:, column], 1 + _LAG
+        starts = np.arange(beside, len(known) - length - beside + 1)
         complete = np.concatenate([[0], np.cumsum(known)])
-        starts = starts[complete[starts + length + 1] - complete[starts - 1] == length + 2]
-        if len(starts) < _FEWEST_STRETCHES:
-            return np.inf
-        starts = starts[evenly_spaced(len(starts), _STRETCHES)]
-        rotations = self.rotations[:, column]
-        left, middle, right = rotations[starts - 1], rotations[starts + length // 2], rotations[starts + length]
-        turn = rotation_vectors(times(conjugate(left), right))
-        straight = times(left, from_vectors((length // 2 + 1) / (length + 1) * turn))
-        return float(np.sqrt((angles_between(straight, middle) ** 2).mean() / 3.0))
+        whole = complete[starts + length + beside] - complete[starts - beside] == length + 2 * beside
+        starts = starts[whole]
+        return starts[evenly_spaced(len(starts), _STRETCHES)]
+
+    def _middle_error(self, column: int, starts: Ints, length: int, *, cubic: bool) -> float:
+        """Return the RMS angle about an axis, degrees, between a joint and plain paths in the middle of stretches."""
+        rotations, step = self.rotations[:, column], np.array([length // 2 + 1])
+        if cubic:
+            path = _cubic(rotations, starts, length, step)[:, 0]
+        else:
+            left, right = rotations[starts - 1], rotations[starts + length]
+            turn = rotation_vectors(times(conjugate(left), right))
+            path = times(left, from_vectors(step / (length + 1) * turn))
+        return float(np.sqrt((angles_between(path, rotations[starts + length // 2]) ** 2).mean() / 3.0))
 
     def _factors(self, take: Take, wanted: Bools) -> "_Factors":
         """Return the factors of the error bars, from copies of the gaps that are hidden where the joints are known."""
@@ -226,6 +251,25 @@ class _Charts:
                     errors = rotation_vectors(times(conjugate(self.rotations[span]), found[span]))
                     factors.add(errors, sd[span])
         return factors
+
+
+def _cubic(rotations: Floats, starts: Ints, length: int, steps: Ints) -> Floats:
+    """Return cubic paths (n, m, 4) over gaps at these steps after the last known frame, with both velocities met.
+
+    rotations: (F, 4). In the tangent space of the frame before the gap, with θ the turn over the gap, v and w the turns
+    per frame before and after it, T the frames from side to side and u = t / T (Hermite):
+
+        h(t) = (3 u² - 2 u³) θ + T (u - 2 u² + u³) v + T (u³ - u²) w
+    """
+    left, right = starts - 1, starts + length
+    turn = rotation_vectors(times(conjugate(rotations[left]), rotations[right]))
+    before = rotation_vectors(times(conjugate(rotations[left - _LAG]), rotations[left])) / _LAG
+    after = rotation_vectors(times(conjugate(rotations[right]), rotations[right + _LAG])) / _LAG
+    frames = length + 1
+    u = (steps / frames)[None, :, None]
+    path = (3 * u**2 - 2 * u**3) * turn[:, None]
+    path = path + frames * ((u - 2 * u**2 + u**3) * before[:, None] + (u**3 - u**2) * after[:, None])
+    return times(rotations[left][:, None], from_vectors(path))
 
 
 class _Factors:
