@@ -1,0 +1,102 @@
+"""The fill of rotations: exact where only a steady turn is possible, and the same in every frame of reference."""
+
+import numpy as np
+import pytest
+
+from mocapclean.geometry import joint_motion as jm
+from mocapclean.geometry.joint_motion import JointMotion
+from mocapclean.solvers.joints import JointAnswer, fill_joints
+
+RATE = 60.0
+GAPS = ((0, 50, 55), (1, 100, 120), (2, 200, 201))
+NAMES = ("a", "b", "c", "d")
+
+
+def swinging(rng: np.random.Generator, n_frames: int = 300, n_joints: int = 4) -> np.ndarray:
+    """Rotations (F, J, 4) of joints that swing together, each about an axis of its own."""
+    time = np.arange(n_frames)[:, None] / RATE
+    axes = rng.normal(size=(n_joints, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    angle = 40.0 * np.sin(2 * np.pi * 0.9 * time + np.arange(n_joints)) + 5.0 * np.sin(2 * np.pi * 2.1 * time)
+    return jm.from_vectors(angle[..., None] * axes)
+
+
+def motion_of(rotations: np.ndarray, gaps=GAPS) -> JointMotion:
+    known = np.ones(rotations.shape[:2], dtype=bool)
+    for joint, start, stop in gaps:
+        known[start:stop, joint] = False
+    hidden = rotations.copy()
+    for joint in range(rotations.shape[1]):
+        hidden[:, joint] = jm.straight_turns(rotations[:, joint], ~known[:, joint])
+    everything = np.ones(rotations.shape[1], dtype=bool)
+    return JointMotion(
+        rotations=hidden,
+        translations=np.zeros((*rotations.shape[:2], 3)),
+        turns=everything,
+        shifts=~everything,
+        rotation_known=known,
+        translation_known=np.ones_like(known),
+    )
+
+
+def filled(motion: JointMotion) -> JointAnswer:
+    return fill_joints(motion, NAMES, ~motion.rotation_known, ~motion.translation_known, RATE)
+
+
+@pytest.fixture
+def swing(rng):
+    return swinging(rng)
+
+
+def test_known_rotations_stay_and_gaps_come_back(swing):
+    motion = motion_of(swing)
+    answer = filled(motion)
+    assert answer.filled.all()
+    known = motion.rotation_known
+    np.testing.assert_array_equal(answer.rotations[known], motion.rotations[known])
+    assert (answer.rotation_sd[known] == 0.0).all()
+    assert jm.angles_between(answer.rotations, swing)[~known].max() < 1.0
+    straight = jm.angles_between(motion.rotations, swing)[~known]
+    assert jm.angles_between(answer.rotations, swing)[~known].mean() < 0.3 * straight.mean()
+
+
+def test_a_steady_turn_is_filled_exactly(rng):
+    angle = np.arange(300)[:, None, None] * np.array([0.3, -0.2, 0.1, 0.25])[None, :, None]
+    rotations = jm.from_vectors(angle * np.array([0.0, 0.6, 0.8]))
+    answer = filled(motion_of(rotations))
+    assert jm.angles_between(answer.rotations, rotations).max() < 0.05
+
+
+def test_a_joint_that_turns_all_the_way_round_is_filled(rng):
+    rotations = swinging(rng)
+    whole = np.arange(300)[:, None] * np.array([0.0, 2.5, 0.0])
+    rotations[:, 3] = jm.from_vectors(whole)
+    rotations = jm.continuous(rotations)
+    answer = filled(motion_of(rotations, ((3, 60, 70), (3, 150, 165), (1, 100, 110))))
+    assert answer.filled.all()
+    assert jm.angles_between(answer.rotations, rotations).max() < 3.0
+
+
+def test_turning_the_axes_of_a_joint_turns_its_fill(swing, rng):
+    turn = jm.from_vectors(np.array([30.0, -50.0, 70.0]))
+    plain = filled(motion_of(swing))
+    turned = filled(motion_of(jm.times(turn, swing)))
+    # The method for markers learns from distances in its own axes, which bars of a hundredth of a degree show.
+    assert jm.angles_between(turned.rotations, jm.times(turn, plain.rotations)).max() < 0.1
+
+
+def test_longer_gaps_have_wider_bars(swing, rng):
+    wandering = np.cumsum(np.cumsum(rng.normal(size=(300, 4, 3)), axis=0) * 0.02, axis=0)
+    rotations = jm.times(swing, jm.from_vectors(30.0 * np.tanh(wandering / 30.0)))
+    widths = []
+    for length in (3, 12, 40):
+        answer = filled(motion_of(rotations, ((1, 120, 120 + length),)))
+        widths.append(answer.rotation_sd[120 : 120 + length, 1].max())
+    assert widths[0] < widths[1] < widths[2]
+
+
+def test_gaps_at_the_ends_and_a_joint_that_is_never_known(swing):
+    answer = filled(motion_of(swing, ((0, 0, 6), (1, 294, 300), (2, 0, 300))))
+    assert answer.filled[:, [0, 1, 3]].all()
+    assert not answer.filled[:, 2].any()
+    assert np.isfinite(answer.rotations).all()
