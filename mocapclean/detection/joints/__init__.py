@@ -19,8 +19,8 @@ from mocapclean.geometry.skeleton import Skeleton
 _BESIDE = 2
 """Frames on each side of a fault that must be known if it is sure. Chosen by hand."""
 _FLIP = 100.0
-"""Degrees, as a chord, of a flip: 104 degrees of rotation. A joint and its children may have been solved in another way, and
-their repair needs them all. Chosen by hand on the thumbs and thighs of the takes at even places."""
+"""Degrees, as a chord, of a flip: 104 degrees of rotation. A joint and its children may have been solved in another
+way, and their repair needs them all. Chosen by hand on the thumbs and thighs of the takes at even places."""
 _LONGEST_FLIP = 2
 """Frames up to which a flip is a pop like others. Chosen by hand."""
 _MANY = 0.5
@@ -84,8 +84,9 @@ def _clear_spans(parts: list[Signals], holds: list[list[Hold]]) -> set[tuple[int
 def _excused(signals: Signals, excursions: list[Excursion], holds: list[Hold]) -> Bools:
     """Return the steps (F - 1, S) into, within and out of pops and holds."""
     excused = np.zeros((len(signals.paths) - 1, len(signals.joints)), dtype=bool)
-    for fault in (*excursions, *holds):
-        excused[max(fault.start - 1, 0) : fault.stop, fault.signal] = True
+    spans: list[Excursion | Hold] = [*excursions, *holds]
+    for span in spans:
+        excused[max(span.start - 1, 0) : span.stop, span.signal] = True
     return excused
 
 

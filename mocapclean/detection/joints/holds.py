@@ -1,7 +1,7 @@
 """Find holds: frames in which a moving joint keeps exactly one value until a jump releases it.
 
-Measured motion never repeats a value for long while it moves, so that an equal value is evidence by itself. Animation may
-rest exactly: it eases into the rest and out of it, or ends in it.
+Measured motion never repeats a value for long while it moves, so that an equal value is evidence by itself. Animation
+may rest exactly: it eases into the rest and out of it, or ends in it.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _LEAST_JUMP = 2.0
 _JUMP_RATIO = 1.0
 """Times the largest step behind the release that the jump differs from what follows. Chosen likewise."""
 _LEAST_SPEED = 0.05
-"""Degrees, or their equal in mm, per frame: a joint slower than this before a hold may come to rest. Chosen likewise."""
+"""Degrees, or their equal in mm, per frame: a joint slower than this before a hold may come to rest. Likewise."""
 _EASING = 0.3
 """Share of the usual step before a clear hold that its last step has at least: no easing into a rest. Likewise."""
 

@@ -12,8 +12,8 @@ from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.detection.joints.signals import Signals
 
 LEAST = 5.0
-"""Degrees, or their equal in mm, that a path must leave by. This and the three factors below were chosen together on the
-takes at even places of BVH and AMC, at 24, 30, 60 and 120 Hz: most pops of 20 degrees at about 20 false in a million."""
+"""Degrees, or their equal in mm, that a path must leave by. This and the three factors below were chosen together on
+the takes at even places of BVH and AMC, at 24, 30, 60 and 120 Hz: most pops of 20 degrees at about 20 false in a million."""
 _LARGEST = 1.0
 """Times the largest fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
 _MEDIAN = 3.0
@@ -25,12 +25,12 @@ _USUAL_SHARE = 0.1
 _LEAST_USUAL = 3
 """Frames whose departures count as faults, not as usual, in takes too short for the share. Chosen by hand."""
 _SLOWING = 1.5
-"""Times what a velocity that changes within a longer excursion moves its middle. Chosen by hand, with the same takes."""
+"""Times what a velocity that changes within a longer excursion moves its middle. By hand, with the same takes."""
 _ROUGH_INSIDE = 1.5
 """Times the mean distance from the path that the mean second difference within a burst of noise is. Between an arc or a
 plateau (at most 1) and independent noise (2.4). Chosen by hand."""
 SUSPECTED = 0.7
-"""Share of the threshold from which on an excursion is a suspicion. Chosen by hand, with the same takes."""
+"""Share of the threshold from which on an excursion is a suspicion. By hand, with the same takes."""
 LONGEST_SECONDS = 0.25
 """Seconds that a pop lasts at most. Chosen by hand."""
 LONGEST_FRAMES = 12
@@ -204,7 +204,7 @@ def _longer(window: Floats, n: int, off: Floats) -> Floats:
 
 
 def _chosen(spans: Ints, size: Floats, score: Floats) -> list[Excursion]:
-    """Return the excursions among spans (P, 3) that score enough and do not touch: the sure, short and clear ones first."""
+    """Return the excursions among spans (P, 3) that score enough and do not touch: sure, short and clear ones first."""
     found: dict[int, list[Excursion]] = {}
     order = np.lexsort((spans[:, 1], -score, spans[:, 2] - spans[:, 1], score < 1.0))
     for row in order[score[order] >= SUSPECTED]:

@@ -2,7 +2,8 @@
 
 Unit quaternions are points on the sphere of radius 1, and turning the world or a joint's own axes turns that sphere. A
 distance of d between two of them is a rotation by 4 asin(d / 2) radians. Straight lines and parabolas through a few
-frames leave the sphere by less than a fault that matters. All results are therefore the same for every order of Euler angles.
+frames leave the sphere by less than a fault that matters. All results are therefore the same for every order of Euler
+angles.
 """
 
 from dataclasses import dataclass
