@@ -259,7 +259,7 @@ def _measured(
         inside_limb = below(skeleton, event.joint)
         places = [joint_positions(skeleton, each[frames])[:, inside_limb] for each in (true_poses, *answers)]
         rows.append((ours, slerp, *(_rms_length(each - places[0]) for each in places[1:])))
-    untouched = known & ~copy.mask
+    untouched = right & ~copy.mask
     measures: dict[str, float | int] = {
         "events": len(copy.events),
         "found": sum(found),

@@ -10,7 +10,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools
 from mocapclean.detection.joints.holds import Hold, find_holds
-from mocapclean.detection.joints.pops import Excursion, find_excursions
+from mocapclean.detection.joints.pops import LEAST, Excursion, find_excursions
 from mocapclean.detection.joints.signals import Part, Signals, rotation_signals, translation_signals
 from mocapclean.detection.joints.splices import Splice, find_splices
 from mocapclean.geometry.joint_motion import JointMotion
@@ -73,10 +73,10 @@ def _overlaps(hold: Hold, excursions: list[Excursion]) -> bool:
 
 
 def _clear_spans(parts: list[Signals], holds: list[list[Hold]]) -> set[tuple[int, int]]:
-    """Return the spans in which one joint holds its value for sure: joints that hold in the same frames do as well."""
+    """Return the spans in which a joint holds for sure and jumps far: others that hold in these frames do as well."""
     spans: dict[tuple[int, int], list[bool]] = {}
     for hold in (hold for own in holds for hold in own):
-        spans.setdefault((hold.start, hold.stop), []).append(hold.is_clear)
+        spans.setdefault((hold.start, hold.stop), []).append(hold.is_clear and hold.jump >= LEAST)
     moving = sum(len(signals.joints) for signals in parts)
     return {span for span, clear in spans.items() if any(clear) and (len(clear) <= _MANY * moving or moving <= 2)}
 

@@ -13,7 +13,7 @@ from mocapclean.detection.joints.signals import Signals
 
 LEAST = 5.0
 """Degrees, or their equal in mm, that a path must leave by. This and the three factors below were chosen together on
-the takes at even places of BVH and AMC, at 24, 30, 60 and 120 Hz: most pops of 20 degrees at about 20 false in a million."""
+the takes at even places of BVH and AMC, at 24, 30, 60 and 120 Hz: most pops of 20 degrees, few false ones."""
 _LARGEST = 1.0
 """Times the largest fourth difference about the excursion that a path must leave by. Chosen with ``LEAST``."""
 _MEDIAN = 3.0

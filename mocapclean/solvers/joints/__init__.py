@@ -11,8 +11,8 @@ The plain path is the straight turn between the frames beside the gap (slerp), o
 both sides, whichever errs less on stretches of this length in this very take. σₛ is this error; it grows from the ends
 of a gap to its middle as a parabola.
 σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where the joints are known,
-are filled as the gaps are. So a joint that turns plainly, an answer that is not sure, and the ends of a gap stay near the
-plain path.
+are filled as the gaps are. So a joint that turns plainly, an answer that is not sure, and the ends of a gap stay near
+the plain path.
 
 Sources: K. Shoemake, 1985, doi:10.1145/325165.325242 (slerp); J. Solà and others, 2018, A micro Lie theory for state
 estimation in robotics, arXiv:1812.01537, eqs. 25 and 26 (log and exp).
