@@ -7,9 +7,9 @@ method, the filled rotation is
 
     q = s exp(w log(s⁻¹ k))      w = σₛ² / (σₛ² + σₖ²)      σ² = w σₖ²
 
-The plain path is the straight turn between the frames beside the gap (slerp), or the cubic that meets the velocities of
-both sides, whichever errs less on stretches of this length in this very take. σₛ is this error; it grows from the ends
-of a gap to its middle as a parabola.
+The plain path lies between the straight turn over the gap (slerp) and the cubic h that meets the velocities of both
+sides: s₀ exp(c log(s₀⁻¹ h)) with the c that errs least on stretches of this length in this very take. σₛ is its error
+there; it grows from the ends of a gap to its middle as a parabola.
 σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where the joints are known,
 are filled as the gaps are. So a joint that turns plainly, an answer that is not sure, and the ends of a gap stay near
 the plain path.
@@ -49,7 +49,7 @@ _LEAST_HIDDEN = 0.02
 """Share of the known samples that is hidden at least. By hand: twice that of the self-check, for takes with one gap."""
 _FACTORS = (0.5, 4.0)
 """Least and largest factor of the error bars. Chosen by hand."""
-_DEPENDENCE = 1.15
+_DEPENDENCE = 1.25
 """What weighed error bars are multiplied by, because both parts err alike. Chosen on half of the captures: 90 %."""
 _INTERVAL_90 = 1.645
 """Standard deviations on each side of the mean that hold 90 % of a normal distribution."""
@@ -204,21 +204,18 @@ class _Charts:
         return times(plain, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
 
     def _plain(self, known: Bools, column: int, start: int, length: int) -> tuple[Floats, float]:
-        """Return the plain path (n, 4) over a gap, and σₛ: the RMS angle about an axis of its error in the middle.
-
-        It is the straight turn or the cubic with the velocities of both sides, whichever errs less in this take.
-        """
+        """Return the plain path (n, 4) over a gap, and σₛ: the RMS angle about an axis of its error in the middle."""
         straight = self._straight(known, column, start, start + length)
-        sides = [*range(start - 1 - _LAG, start), *range(start + length, start + length + 1 + _LAG)]
         stretches = self._stretches(column, length)
         if len(stretches) < _FEWEST_STRETCHES:
             return straight, np.inf
-        errors = [self._middle_error(column, stretches, length, cubic=cubic) for cubic in (False, True)]
-        has_velocity = sides[0] >= 0 and sides[-1] < len(known) and known[sides, column].all()
-        if not has_velocity or errors[0] <= errors[1]:
+        share, errors = self._share_of_cubic(column, stretches, length)
+        sides = [*range(start - 1 - _LAG, start), *range(start + length, start + length + 1 + _LAG)]
+        if sides[0] < 0 or sides[-1] >= len(known) or not known[sides, column].all():
             return straight, errors[0]
-        steps = np.arange(1, length + 1)
-        return _cubic(self.rotations[:, column], np.array([start]), length, steps)[0], errors[1]
+        cubic = _cubic(self.rotations[:, column], np.array([start]), length, np.arange(1, length + 1))[0]
+        bent = rotation_vectors(times(conjugate(straight), cubic))
+        return times(straight, from_vectors(share * bent)), errors[1]
 
     def _stretches(self, column: int, length: int) -> Ints:
         """Return the starts of stretches of some frames in which, and beside which, a joint is known."""
@@ -229,16 +226,22 @@ class _Charts:
         starts = starts[whole]
         return np.asarray(starts[evenly_spaced(len(starts), _STRETCHES)])
 
-    def _middle_error(self, column: int, starts: Ints, length: int, *, cubic: bool) -> float:
-        """Return the RMS angle about an axis, degrees, between a joint and plain paths in the middle of stretches."""
+    def _share_of_cubic(self, column: int, starts: Ints, length: int) -> tuple[float, tuple[float, float]]:
+        """Return the share c of the cubic, and the RMS errors about an axis of the straight turn and plain path.
+
+        c is the least-squares answer to log(s⁻¹ q) = c log(s⁻¹ h) in the middle of stretches, within 0 to 1; degrees.
+        """
         rotations, step = self.rotations[:, column], np.array([length // 2 + 1])
-        if cubic:
-            path = _cubic(rotations, starts, length, step)[:, 0]
-        else:
-            left, right = rotations[starts - 1], rotations[starts + length]
-            turn = rotation_vectors(times(conjugate(left), right))
-            path = times(left, from_vectors(step / (length + 1) * turn))
-        return float(np.sqrt((angles_between(path, rotations[starts + length // 2]) ** 2).mean() / 3.0))
+        left, right = rotations[starts - 1], rotations[starts + length]
+        turn = rotation_vectors(times(conjugate(left), right))
+        straight = times(left, from_vectors(step / (length + 1) * turn))
+        true, bent = (
+            rotation_vectors(times(conjugate(straight), path))
+            for path in (rotations[starts + length // 2], _cubic(rotations, starts, length, step)[:, 0])
+        )
+        share = float(np.clip((true * bent).sum() / max(float((bent**2).sum()), _FINEST**2), 0.0, 1.0))
+        without, with_cubic = (float(np.sqrt((each**2).mean())) for each in (true, true - share * bent))
+        return share, (without, with_cubic)
 
     def _factors(self, take: Take, wanted: Bools) -> "_Factors":
         """Return the factors of the error bars, from copies of the gaps that are hidden where the joints are known."""
