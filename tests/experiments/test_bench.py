@@ -14,11 +14,12 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 from mocapclean.experiments.published import published, statements
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, geometric_mean, number, with_printed
 from mocapclean.experiments.trials import CMU_UNIT, Capture, Entry, Loss, Request
-from mocapclean.formats import c3d
+from mocapclean.formats import bvh, c3d
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution
+from mocapclean.take.posed import posed_take
 from tests import commands
 
 LINEAR = Entry(method="linear")
@@ -30,6 +31,15 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("takes")
     for seed, name in enumerate(("7_01", "7_02", "8_01")):
         c3d.create(perform("walk", 2.0, 120.0, seed).markers, folder / f"{name}.c3d")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def skeletons(tmp_path_factory):
+    """A folder with a take of a skeleton, four seconds long."""
+    folder = tmp_path_factory.mktemp("skeletons")
+    walk = perform("walk", 4.0, 60.0, 0)
+    bvh.create(posed_take(walk.bvh, walk.bvh_poses, 60.0), folder / "7_01.bvh")
     return folder
 
 
@@ -51,11 +61,12 @@ def timeless(path):
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_every_experiment_gives_rows_tables_and_figures(name, folder, tmp_path, monkeypatch):
+def test_every_experiment_gives_rows_tables_and_figures(name, folder, skeletons, tmp_path, monkeypatch):
     drawn = []
     monkeypatch.setattr(plots, "can_draw", lambda: True)
     monkeypatch.setattr(plots, "draw", lambda figure, out: drawn.append(figure) or [])
-    arguments = (name, "7_01", "--folder", folder, "--quick", "--methods", "linear", "--out-dir", tmp_path)
+    takes = skeletons if name == "skeletons" else folder
+    arguments = (name, "7_01", "--folder", takes, "--quick", "--methods", "linear", "--out-dir", tmp_path)
     code, text, err = run(*arguments)
     assert (code, err) == (0, "")
     assert text.startswith(f"{name}: {EXPERIMENTS[name].EXPERIMENT.reference}")
