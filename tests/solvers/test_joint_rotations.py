@@ -100,3 +100,32 @@ def test_gaps_at_the_ends_and_a_joint_that_is_never_known(swing):
     assert answer.filled[:, [0, 1, 3]].all()
     assert not answer.filled[:, 2].any()
     assert np.isfinite(answer.rotations).all()
+
+
+@pytest.mark.parametrize("gap", [(0, 100, 160), (0, 280, 300), (0, 0, 20)])
+def test_a_steady_spin_goes_on_over_more_than_half_a_turn(swing, gap):
+    rotations = swing.copy()
+    rotations[:, 0] = jm.from_vectors(np.arange(300)[:, None] * np.array([0.0, 6.0, 0.0]))
+    rotations = jm.continuous(rotations)
+    answer = filled(motion_of(rotations, (gap,)))
+    assert answer.filled.all()
+    assert jm.angles_between(answer.rotations, rotations).max() < 0.05
+
+
+@pytest.mark.parametrize("at_end", [False, True])
+def test_bars_at_the_ends_of_a_take_hold(at_end):
+    inside, least = [], []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        # Each joint wanders by itself, so that no other joint shows what it does at the end.
+        speed = np.cumsum(rng.normal(size=(300, 4, 3)), axis=0) * 0.05
+        rotations = jm.continuous(jm.from_vectors(20.0 * np.tanh(np.cumsum(speed, axis=0) / 20.0)))
+        span = slice(285, 300) if at_end else slice(0, 15)
+        answer = filled(motion_of(rotations, ((1, span.start, span.stop),)))
+        errors = jm.rotation_vectors(jm.times(jm.conjugate(rotations[span, 1]), answer.rotations[span, 1]))
+        bars = answer.rotation_sd[span, 1]
+        inside.append((np.abs(errors) <= 1.645 * bars[:, None]).mean())
+        near, far = (bars[0], bars[-1]) if at_end else (bars[-1], bars[0])
+        least.append(far / near)
+    assert np.mean(inside) > 0.8
+    assert min(least) > 1.5

@@ -9,7 +9,8 @@ method, the filled rotation is
 
 The plain path lies between the straight turn over the gap (slerp) and the cubic h that meets the velocities of both
 sides: s₀ exp(c log(s₀⁻¹ h)) with the c that errs least on stretches of this length in this very take. σₛ is its error
-there; it grows from the ends of a gap to its middle as a parabola.
+there; it grows from the ends of a gap to its middle as a parabola, and at an end of the take with the frames since the
+last known one (``plain_path``).
 σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where the joints are known,
 are filled as the gaps are. So a joint that turns plainly, an answer that is not sure, and the ends of a gap stay near
 the plain path.
@@ -22,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, Ints, column_runs, evenly_spaced, runs
+from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.evaluation.self_check import Params as HidingParams
 from mocapclean.evaluation.self_check import hide
 from mocapclean.geometry.joint_motion import (
@@ -31,10 +32,10 @@ from mocapclean.geometry.joint_motion import (
     conjugate,
     from_vectors,
     rotation_vectors,
-    straight_turns,
     times,
 )
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.joints.plain_path import Plain, plain_path
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
@@ -51,12 +52,11 @@ _FACTORS = (0.5, 4.0)
 """Least and largest factor of the error bars. Chosen by hand."""
 _DEPENDENCE = 1.25
 """What weighed error bars are multiplied by, because both parts err alike. Chosen on half of the captures: 90 %."""
+_OPEN = 2.0
+"""What the method's error bar is multiplied by at an end of the take, where windows with two sides do not measure it.
+Chosen on half of the captures from 1, 2 and 4: the errors in all and the bars that hold."""
 _INTERVAL_90 = 1.645
 """Standard deviations on each side of the mean that hold 90 % of a normal distribution."""
-_LAG = 2
-"""Frames over which the velocity beside a gap is measured. By hand: one frame has twice the noise, more are late."""
-_FEWEST_STRETCHES, _STRETCHES = 20, 200
-"""Stretches of a take from which σₛ is measured: with fewer than the first number it is not known. Chosen by hand."""
 _FINEST = 1e-3
 """Degrees that no error is below: a tenth of what two decimals of three angles round away. Chosen by hand."""
 
@@ -120,8 +120,9 @@ def _groups(motion: JointMotion, wanted: Bools) -> list[_Group]:
         mask = np.zeros_like(wanted)
         mask[start:stop, joint] = True
         references = means.copy()
-        # The middle of the straight turn over the gap.
-        references[joint] = motion.rotations[(start + stop) // 2, joint]
+        # The middle of the plain path over the gap.
+        plain = plain_path(motion.rotations[:, joint], motion.rotation_known[:, joint], start, stop)
+        references[joint] = plain.path[(stop - start) // 2]
         groups.append(_Group(mask, references))
     return groups
 
@@ -139,7 +140,8 @@ def _means(motion: JointMotion) -> Floats:
 class _Charts:
     """The rotations of all turning joints as vectors about references, and their fill by the method.
 
-    joints: (n,) the turning joints. vectors: (F, n, 3) degrees. known: (F, n), where a vector is right.
+    joints: (n,) the turning joints. vectors: (F, n, 3) degrees. right: (F, n), where a rotation is known.
+    known: (F, n), where its vector is also far from a half turn, so that the method may use it.
     """
 
     def __init__(self, motion: JointMotion, names: tuple[str, ...], rate: float, group: _Group) -> None:
@@ -150,21 +152,26 @@ class _Charts:
         self.rotations = motion.rotations[:, self.joints]
         self.vectors = rotation_vectors(times(conjugate(self.references)[None], self.rotations))
         near = np.linalg.norm(self.vectors, axis=2) <= _FARTHEST
-        self.known = motion.rotation_known[:, self.joints] & near
+        self.right = motion.rotation_known[:, self.joints]
+        self.known = self.right & near
 
     def filled(self, wanted: Bools) -> tuple[Floats, Floats]:
         """Return rotations (F, J, 4) and sd (F, J), degrees, of wanted samples; sd NaN without an answer."""
         own = wanted[:, self.joints]
         take = self._take(self.known)
         found, sd = self._solved(take, own)
-        gaps = [(column, start, stop) for column, start, stop in column_runs(own)]
         factors = self._factors(take, own)
         answer, bars = self.rotations.copy(), np.full(own.shape, np.nan)
-        for column, start, stop in gaps:
-            span = (slice(start, stop), column)
-            if np.isfinite(sd[span]).all():
-                factor = factors.of(stop - start)
-                answer[span], bars[span] = self._weighed(self.known, found[span], factor * sd[span], column, start)
+        for column, start, stop in column_runs(own):
+            span, beside = (slice(start, stop), column), (slice(max(start - 1, 0), stop + 1), column)
+            plain = plain_path(self.rotations[:, column], self.right[:, column], start, stop)
+            if (self.right & ~self.known)[beside].any() and np.isfinite(plain.sd).all():
+                # The sides are too far apart for one reference, and the method does not see them.
+                answer[span], bars[span] = plain.path, np.hypot(plain.sd, _FINEST)
+            elif np.isfinite(sd[span]).all():
+                widened = _OPEN if start == 0 or stop == len(own) else 1.0
+                factor = widened * factors.of(stop - start)
+                answer[span], bars[span] = self._weighed(found[span], factor * sd[span], plain)
         whole, whole_sd = self.motion.rotations.copy(), np.full(wanted.shape, np.nan)
         whole[:, self.joints], whole_sd[:, self.joints] = answer, bars
         return whole, whole_sd
@@ -181,67 +188,14 @@ class _Charts:
         assert solution.sd is not None
         return rotations, np.where(wanted & solution.filled, solution.sd / _MM_PER_DEGREE, np.nan)
 
-    def _straight(self, known: Bools, column: int, start: int, stop: int) -> Floats:
-        """Return the straight turn (n, 4) over a gap from the known frames (F, n) beside it."""
-        rotations, unknown = self.rotations[:, column], ~known[:, column]
-        unknown[start:stop] = True
-        first, last = _widened(unknown, start, stop)
-        span = slice(max(first - 1, 0), last + 1)
-        return straight_turns(rotations[span], unknown[span])[start - span.start : stop - span.start]
-
-    def _weighed(self, known: Bools, found: Floats, sd: Floats, column: int, start: int) -> tuple[Floats, Floats]:
+    def _weighed(self, found: Floats, sd: Floats, plain: Plain) -> tuple[Floats, Floats]:
         """Return the rotations (n, 4) of a gap between its plain path and the answer, and their sd (n,), degrees.
 
-        known: (F, n) the frames from which the plain path comes. found, sd: (n, 4), (n,) the method's answer.
+        found, sd: (n, 4), (n,) the method's answer.
         """
-        length = len(found)
-        plain, middle_sd = self._plain(known, column, start, length)
-        # σₛ in the middle, and 4 x (1 - x) of it at the share x of the gap
-        share = np.arange(1, length + 1) / (length + 1)
-        plain_variance = (middle_sd * 4.0 * share * (1.0 - share)) ** 2 + _FINEST**2
-        weight = 1.0 / (1.0 + sd**2 / plain_variance)  # 1 where σₛ is not known
-        away = weight[:, None] * rotation_vectors(times(conjugate(plain), found))
-        return times(plain, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
-
-    def _plain(self, known: Bools, column: int, start: int, length: int) -> tuple[Floats, float]:
-        """Return the plain path (n, 4) over a gap, and σₛ: the RMS angle about an axis of its error in the middle."""
-        straight = self._straight(known, column, start, start + length)
-        stretches = self._stretches(column, length)
-        if len(stretches) < _FEWEST_STRETCHES:
-            return straight, np.inf
-        share, errors = self._share_of_cubic(column, stretches, length)
-        sides = [*range(start - 1 - _LAG, start), *range(start + length, start + length + 1 + _LAG)]
-        if sides[0] < 0 or sides[-1] >= len(known) or not known[sides, column].all():
-            return straight, errors[0]
-        cubic = _cubic(self.rotations[:, column], np.array([start]), length, np.arange(1, length + 1))[0]
-        bent = rotation_vectors(times(conjugate(straight), cubic))
-        return times(straight, from_vectors(share * bent)), errors[1]
-
-    def _stretches(self, column: int, length: int) -> Ints:
-        """Return the starts of stretches of some frames in which, and beside which, a joint is known."""
-        known, beside = self.known[:, column], 1 + _LAG
-        starts = np.arange(beside, len(known) - length - beside + 1)
-        complete = np.concatenate([[0], np.cumsum(known)])
-        whole = complete[starts + length + beside] - complete[starts - beside] == length + 2 * beside
-        starts = starts[whole]
-        return np.asarray(starts[evenly_spaced(len(starts), _STRETCHES)])
-
-    def _share_of_cubic(self, column: int, starts: Ints, length: int) -> tuple[float, tuple[float, float]]:
-        """Return the share c of the cubic, and the RMS errors about an axis of the straight turn and plain path.
-
-        c is the least-squares answer to log(s⁻¹ q) = c log(s⁻¹ h) in the middle of stretches, within 0 to 1; degrees.
-        """
-        rotations, step = self.rotations[:, column], np.array([length // 2 + 1])
-        left, right = rotations[starts - 1], rotations[starts + length]
-        turn = rotation_vectors(times(conjugate(left), right))
-        straight = times(left, from_vectors(step / (length + 1) * turn))
-        true, bent = (
-            rotation_vectors(times(conjugate(straight), path))
-            for path in (rotations[starts + length // 2], _cubic(rotations, starts, length, step)[:, 0])
-        )
-        share = float(np.clip((true * bent).sum() / max(float((bent**2).sum()), _FINEST**2), 0.0, 1.0))
-        without, with_cubic = (float(np.sqrt((each**2).mean())) for each in (true, true - share * bent))
-        return share, (without, with_cubic)
+        weight = 1.0 / (1.0 + sd**2 / (plain.sd**2 + _FINEST**2))  # 1 where σₛ is not known
+        away = weight[:, None] * rotation_vectors(times(conjugate(plain.path), found))
+        return times(plain.path, from_vectors(away)), _DEPENDENCE * np.sqrt(weight) * sd
 
     def _factors(self, take: Take, wanted: Bools) -> "_Factors":
         """Return the factors of the error bars, from copies of the gaps that are hidden where the joints are known."""
@@ -255,25 +209,6 @@ class _Charts:
                     errors = rotation_vectors(times(conjugate(self.rotations[span]), found[span]))
                     factors.add(errors, sd[span])
         return factors
-
-
-def _cubic(rotations: Floats, starts: Ints, length: int, steps: Ints) -> Floats:
-    """Return cubic paths (n, m, 4) over gaps at these steps after the last known frame, with both velocities met.
-
-    rotations: (F, 4). In the tangent space of the frame before the gap, with θ the turn over the gap, v and w the turns
-    per frame before and after it, T the frames from side to side and u = t / T (Hermite):
-
-        h(t) = (3 u² - 2 u³) θ + T (u - 2 u² + u³) v + T (u³ - u²) w
-    """
-    left, right = starts - 1, starts + length
-    turn = rotation_vectors(times(conjugate(rotations[left]), rotations[right]))
-    before = rotation_vectors(times(conjugate(rotations[left - _LAG]), rotations[left])) / _LAG
-    after = rotation_vectors(times(conjugate(rotations[right]), rotations[right + _LAG])) / _LAG
-    frames = length + 1
-    u = (steps / frames)[None, :, None]
-    path = (3 * u**2 - 2 * u**3) * turn[:, None]
-    path = path + frames * ((u - 2 * u**2 + u**3) * before[:, None] + (u**3 - u**2) * after[:, None])
-    return times(rotations[left][:, None], from_vectors(path))
 
 
 class _Factors:
@@ -294,13 +229,6 @@ class _Factors:
         if not like:
             return 1.0
         return float(np.clip(np.quantile(np.concatenate(like), 0.9) / _INTERVAL_90, *_FACTORS))
-
-
-def _widened(unknown: Bools, start: int, stop: int) -> tuple[int, int]:
-    """Return the run of unknown frames that a span lies in."""
-    found = runs(unknown)
-    index = int(np.searchsorted(found[:, 0], start, side="right")) - 1
-    return int(found[index, 0]), int(found[index, 1])
 
 
 def _translations(motion: JointMotion, names: tuple[str, ...], rate: float, wanted: Bools) -> tuple[Floats, Floats]:
