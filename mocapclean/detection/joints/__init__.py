@@ -3,6 +3,7 @@
 Descendants of a joint that are right relative to their parents have no fault, as their own channels do not jump.
 """
 
+from collections import defaultdict
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,13 +26,16 @@ _LONGEST_FLIP = 2
 """Frames up to which a flip is a pop like others. Chosen by hand."""
 _MANY = 0.5
 """Share of the joints that move: if more of them hold their values at once, the body may have been posed. By hand."""
+_TOGETHER = 3
+"""Joints whose splices at one frame are told one by one; those of more joints are one fault. Chosen by hand."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class JointFault:
     """A fault of the rotation or translation of a joint in frames start to stop, half open.
 
-    is_sure: whether the samples cannot be trusted; else the fault is a suspicion.
+    is_sure: whether the samples cannot be trusted; else the fault is a suspicion. A splice has the frames before and
+    behind the jump, of the joint nearest to the root where many jump at once.
     """
 
     kind: Literal["pop", "hold", "splice"]
@@ -46,6 +50,7 @@ class JointFault:
 def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointFault, ...]:
     """Return the faults of all joints, by kind, joint and time; ``rate`` in Hz."""
     found: list[JointFault] = []
+    splices: list[tuple[Signals, Splice]] = []
     parts = [
         signals for signals in (rotation_signals(motion), translation_signals(skeleton, motion)) if len(signals.joints)
     ]
@@ -61,7 +66,8 @@ def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointF
         sure = _sure(skeleton, signals, excursions)
         found += [_pop(signals, excursion, excursion in sure) for excursion in excursions]
         found += [_hold(signals, hold, clear) for hold in own_holds]
-        found += [_splice(signals, splice) for splice in find_splices(signals, excused)]
+        splices += [(signals, splice) for splice in find_splices(signals, excused)]
+    found += _told_splices(splices)
     return tuple(sorted(found, key=lambda fault: (fault.kind, fault.joint, fault.part, fault.start)))
 
 
@@ -91,26 +97,39 @@ def _excused(signals: Signals, excursions: list[Excursion], holds: list[Hold]) -
 
 
 def _sure(skeleton: Skeleton, signals: Signals, excursions: list[Excursion]) -> set[Excursion]:
-    """Return the excursions that no motion explains, and those of their parents and children in the same frames.
+    """Return the excursions that no motion explains, and those of adjoining joints in the same frames.
 
-    An excursion of a joint that its child undoes must be repaired in both or in neither.
+    An excursion of a joint that its child undoes must be repaired in both or in neither; so none is sure that has the
+    frames of a flip.
     """
-    judged = [excursion for excursion in excursions if _can_be_sure(signals, excursion)]
+    flips = {(other.start, other.stop) for other in excursions if _is_flip(signals, other)}
+    judged = [one for one in excursions if (one.start, one.stop) not in flips and _is_known(signals, one)]
     sure = {excursion for excursion in judged if excursion.score >= 1.0}
-    spans = {(int(signals.joints[other.signal]), other.start, other.stop) for other in sure}
+    places = {(int(signals.joints[other.signal]), other.start, other.stop) for other in sure}
     for excursion in judged:
-        joint = int(signals.joints[excursion.signal])
-        near = {skeleton.parents[joint], *(child for child, parent in enumerate(skeleton.parents) if parent == joint)}
-        if any((other, excursion.start, excursion.stop) in spans for other in near):
+        near = _adjoining(skeleton, int(signals.joints[excursion.signal]))
+        if any((joint, excursion.start, excursion.stop) in places for joint in near):
             sure.add(excursion)
     return sure
 
 
-def _can_be_sure(signals: Signals, excursion: Excursion) -> bool:
-    """Whether the frames beside an excursion are known, and it is no lasting flip to another solution of the pose."""
-    start, stop = excursion.start, excursion.stop
-    is_flip = signals.part == "rotation" and stop - start > _LONGEST_FLIP and excursion.size >= _FLIP
-    return not is_flip and bool(signals.known[max(start - _BESIDE, 0) : stop + _BESIDE, excursion.signal].all())
+def _adjoining(skeleton: Skeleton, joint: int) -> set[int]:
+    """Return the parent, the children and the siblings of a joint."""
+    parent = skeleton.parents[joint]
+    pairs = enumerate(skeleton.parents)
+    return {parent} | {other for other, above in pairs if above == joint or above == parent >= 0}
+
+
+def _is_flip(signals: Signals, excursion: Excursion) -> bool:
+    """Whether an excursion is a lasting turn to what may be another solution of the same pose."""
+    is_long = excursion.stop - excursion.start > _LONGEST_FLIP
+    return signals.part == "rotation" and is_long and excursion.size >= _FLIP
+
+
+def _is_known(signals: Signals, excursion: Excursion) -> bool:
+    """Whether the frames of an excursion and those beside it are known."""
+    frames = slice(max(excursion.start - _BESIDE, 0), excursion.stop + _BESIDE)
+    return bool(signals.known[frames, excursion.signal].all())
 
 
 def _pop(signals: Signals, excursion: Excursion, is_sure: bool) -> JointFault:
@@ -141,8 +160,24 @@ def _hold(signals: Signals, hold: Hold, clear: set[tuple[int, int]]) -> JointFau
     )
 
 
-def _splice(signals: Signals, splice: Splice) -> JointFault:
+def _told_splices(splices: list[tuple[Signals, Splice]]) -> list[JointFault]:
+    """Return the faults of splices; one for each frame at which many joints jump."""
+    together: dict[int, list[tuple[Signals, Splice]]] = defaultdict(list)
+    for signals, splice in splices:
+        together[splice.at].append((signals, splice))
+    told = []
+    for group in together.values():
+        group.sort(key=lambda one: int(one[0].joints[one[1].signal]))
+        n_joints = len({int(signals.joints[splice.signal]) for signals, splice in group})
+        is_few = n_joints <= _TOGETHER
+        told += [_splice(*one, 0 if is_few else n_joints - 1) for one in (group if is_few else group[:1])]
+    return told
+
+
+def _splice(signals: Signals, splice: Splice, n_others: int) -> JointFault:
+    """Return the fault of a splice at which other joints jump as well."""
     jump = signals.measure(splice.signal, splice.size)
+    others = f", with {n_others} other joints" if n_others else ""
     return JointFault(
         kind="splice",
         joint=int(signals.joints[splice.signal]),
@@ -150,5 +185,5 @@ def _splice(signals: Signals, splice: Splice) -> JointFault:
         stop=splice.at + 1,
         part=signals.part,
         is_sure=False,
-        message=f"the {signals.part} jumps by {jump} from one frame to the next and does not come back",
+        message=f"the {signals.part} jumps by {jump} from one frame to the next and does not come back{others}",
     )

@@ -136,9 +136,10 @@ def _scored(paths: Floats, spans: Ints, n: int, usual: Floats, is_rotation: bool
     window = paths[start[:, None] + np.arange(-_REACH, n + _REACH), signal[:, None]]
     inside = np.arange(_REACH, _REACH + n)
     if is_rotation:
-        # Q and -Q are the same rotation: each frame gets the sign nearest to the last one before the excursion.
-        aligned = np.einsum("pfk,pk->pf", window[:, _REACH:], window[:, _REACH - 1]) < 0
-        window[:, _REACH:][aligned] *= -1.0
+        # Q and -Q are the same rotation, and half turns into and out of an excursion may change the sign behind it. The
+        # frames behind it get the sign nearest to those before it; inside it the path is continuous already.
+        changed = np.einsum("pk,pk->p", window[:, _REACH + n], window[:, _REACH - 1]) < 0
+        window[changed, _REACH + n :] *= -1.0
     # 1. The path without the excursion: a cubic through two frames on each side, or a line through one.
     cubic, line = _bridges(window, n)
     off = np.sqrt(np.minimum(_squares(window[:, inside] - cubic), _squares(window[:, inside] - line)))
