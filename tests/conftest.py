@@ -11,6 +11,10 @@ for library in ("OPENBLAS", "MKL", "OMP"):
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
 
+from mocapclean.formats import bvh  # noqa: E402
+from mocapclean.simulate import perform  # noqa: E402
+from mocapclean.take.posed import posed_take  # noqa: E402
+
 SAMPLES = Path(__file__).resolve().parents[1] / "sample_data"
 CAPTURES = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -39,3 +43,12 @@ def folder(tmp_path):
     """A copy of the samples that a test may write beside."""
     shutil.copytree(SAMPLES, tmp_path / "takes")
     return tmp_path / "takes"
+
+
+@pytest.fixture(scope="module")
+def skeletons(tmp_path_factory):
+    """A folder with a take of a skeleton, four seconds long."""
+    folder = tmp_path_factory.mktemp("skeletons")
+    walk = perform("walk", 4.0, 60.0, 0)
+    bvh.create(posed_take(walk.bvh, walk.bvh_poses, 60.0), folder / "7_01.bvh")
+    return folder

@@ -29,6 +29,13 @@ class Switch:
     ] = "never"
 
 
+@parameters
+class JointSwitch(Switch):
+    """The parameters of a rule for joints whose sure findings act."""
+
+    replace: Annotated[Level, Field(description="whose sure findings distrust samples")] = "always"
+
+
 def duration(start: int, stop: int) -> str:
     """Return the length of a half-open span of frames in words, such as "for 4 frames"."""
     return f"for {stop - start} frame{'' if stop - start == 1 else 's'}"

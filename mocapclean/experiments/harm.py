@@ -12,7 +12,6 @@ the RMS 3D error of a gap less that of the better of linear interpolation, held 
 
 import zlib
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache, lru_cache, partial
 
 import numpy as np
@@ -24,7 +23,7 @@ from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.hidden_gaps import GAPS
-from mocapclean.experiments.markers import HARM, halves
+from mocapclean.experiments.markers import HARM, halves, notes_on
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, parameters, solve
 from mocapclean.numerics.interpolation import linear
@@ -69,16 +68,7 @@ _WORST = 12  # takes and gaps in the lists of the worst
 
 def selected(request: Request) -> tuple[list[Capture], list[str]]:
     """Return the captures to run, cropped, and the others with the reason."""
-    n_frames = QUICK_FRAMES if request.quick else MOST_FRAMES
-    captures, left_out = [], []
-    for capture in request.captures:
-        cropped = replace(capture, n_frames=n_frames)
-        reason = _reason_to_skip(cropped)
-        if reason:
-            left_out.append(f"{capture.path.name} ({reason})")
-        else:
-            captures.append(cropped)
-    return captures, left_out
+    return request.cropped(QUICK_FRAMES if request.quick else MOST_FRAMES, _reason_to_skip)
 
 
 @cache
@@ -96,10 +86,7 @@ def _reason_to_skip(capture: Capture) -> str:
 
 def notes(request: Request) -> list[str]:
     """Return lines with the takes of both halves, and with the takes left out and why."""
-    captures, left_out = selected(request)
-    lines = [f"{half}: {', '.join(names) or 'none'}" for half, names in halves([c.name for c in captures]).items()]
-    lines.append(f"at most {MOST_FRAMES} frames of each take")
-    return [*lines, f"left out: {', '.join(left_out)}"] if left_out else lines
+    return notes_on(*selected(request), MOST_FRAMES)
 
 
 def trials(request: Request) -> list[Trial]:

@@ -185,15 +185,21 @@ def trials(request: Request) -> list[Trial]:
 
 def notes(request: Request) -> list[str]:
     """Return lines with the takes of both halves, and with the takes left out and why."""
-    captures, left_out = selected(request)
-    lines = [f"{half}: {', '.join(names) or 'none'}" for half, names in halves([c.name for c in captures]).items()]
-    return [*lines, f"left out: {', '.join(left_out)}"] if left_out else lines
+    return notes_on(*selected(request))
 
 
 def halves(takes: Sequence[str]) -> dict[str, list[str]]:
     """Return the takes of each half: sorted by name, they belong to the halves in turn."""
     ordered = sorted(takes)
     return {half: ordered[k::2] for k, half in enumerate(HALF_NAMES)}
+
+
+def notes_on(captures: Sequence[Capture], left_out: Sequence[str], most_frames: int | None = None) -> list[str]:
+    """Return lines with the captures of both halves, the most frames of each, and what was left out and why."""
+    lines = [f"{half}: {', '.join(names) or 'none'}" for half, names in halves([c.name for c in captures]).items()]
+    if most_frames is not None:
+        lines.append(f"at most {most_frames} frames of each take")
+    return [*lines, f"left out: {', '.join(left_out)}"] if left_out else lines
 
 
 def run(capture: Capture, entry: Entry, pattern: Pattern, seed: int) -> TrialResult:

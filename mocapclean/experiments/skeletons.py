@@ -10,7 +10,6 @@ their own rate, and with every n-th frame at about 60 and 30 Hz.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from functools import cache, lru_cache, partial
 from time import perf_counter
 
@@ -24,7 +23,7 @@ from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.joint_damage import DAMAGES, DETECTED, Damaged, Event, below, damaged
-from mocapclean.experiments.markers import halves
+from mocapclean.experiments.markers import halves, notes_on
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, parameters
 from mocapclean.geometry.euler import rotations_of
@@ -84,16 +83,7 @@ _BALL = 3  # rotation channels of joints whose error bars are checked: all coord
 
 def selected(request: Request) -> tuple[list[Capture], list[str]]:
     """Return the captures to run, cropped, and the others with the reason."""
-    n_frames = QUICK_FRAMES if request.quick else MOST_FRAMES
-    captures, left_out = [], []
-    for capture in request.captures:
-        cropped = replace(capture, n_frames=n_frames)
-        reason = _reason_to_skip(cropped)
-        if reason:
-            left_out.append(f"{capture.path.name} ({reason})")
-        else:
-            captures.append(cropped)
-    return captures, left_out
+    return request.cropped(QUICK_FRAMES if request.quick else MOST_FRAMES, _reason_to_skip)
 
 
 @cache
@@ -112,10 +102,7 @@ def _reason_to_skip(capture: Capture) -> str:
 
 def notes(request: Request) -> list[str]:
     """Return lines with the takes of both halves, and with the takes left out and why."""
-    captures, left_out = selected(request)
-    lines = [f"{half}: {', '.join(names) or 'none'}" for half, names in halves([c.name for c in captures]).items()]
-    lines.append(f"at most {MOST_FRAMES} frames of each take")
-    return [*lines, f"left out: {', '.join(left_out)}"] if left_out else lines
+    return notes_on(*selected(request), MOST_FRAMES)
 
 
 def decimations(take: Take) -> dict[str, int]:

@@ -117,6 +117,17 @@ class Request:
         short = tuple(replace(capture, n_frames=n_frames) for capture in self.captures)
         return replace(self, captures=short) if self.quick else self
 
+    def cropped(self, n_frames: int, reason_to_skip: Callable[[Capture], str]) -> tuple[list[Capture], list[str]]:
+        """Return the captures with only their first frames, and the names of those left out with the reason."""
+        captures, left_out = [], []
+        for capture in (replace(each, n_frames=n_frames) for each in self.captures):
+            reason = reason_to_skip(capture)
+            if reason:
+                left_out.append(f"{capture.path.name} ({reason})")
+            else:
+                captures.append(capture)
+        return captures, left_out
+
     def entries(self, own: Sequence[Entry], *, trained: bool = False) -> list[Entry]:
         """Return the requested entries among an experiment's own, and an entry for every other requested method.
 

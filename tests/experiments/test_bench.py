@@ -14,12 +14,11 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 from mocapclean.experiments.published import published, statements
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, geometric_mean, number, with_printed
 from mocapclean.experiments.trials import CMU_UNIT, Capture, Entry, Loss, Request
-from mocapclean.formats import bvh, c3d
+from mocapclean.formats import c3d
 from mocapclean.simulate import hide, perform
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution
-from mocapclean.take.posed import posed_take
 from tests import commands
 
 LINEAR = Entry(method="linear")
@@ -31,15 +30,6 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("takes")
     for seed, name in enumerate(("7_01", "7_02", "8_01")):
         c3d.create(perform("walk", 2.0, 120.0, seed).markers, folder / f"{name}.c3d")
-    return folder
-
-
-@pytest.fixture(scope="module")
-def skeletons(tmp_path_factory):
-    """A folder with a take of a skeleton, four seconds long."""
-    folder = tmp_path_factory.mktemp("skeletons")
-    walk = perform("walk", 4.0, 60.0, 0)
-    bvh.create(posed_take(walk.bvh, walk.bvh_poses, 60.0), folder / "7_01.bvh")
     return folder
 
 

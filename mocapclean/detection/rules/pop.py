@@ -5,22 +5,16 @@ through the frames on both sides, the noise of the joint, and how fast and jerki
 (``mocapclean.detection.joints``).
 """
 
-from typing import Annotated
-
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Level, Ruling, Switch, joint_findings
-from mocapclean.parameters import Field, parameters
+from mocapclean.detection.rule import JointSwitch, Ruling, joint_findings
+from mocapclean.parameters import parameters
 
 COLUMNS = ("joints",)
 
 
 @parameters
-class Params(Switch):
+class Params(JointSwitch):
     """The parameters of the rule."""
-
-    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = (
-        "always"
-    )
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:

@@ -3,11 +3,9 @@
 Nothing shows which side is right, so that no trust is lowered (``mocapclean.detection.joints``).
 """
 
-from typing import Annotated
-
 from mocapclean.detection.evidence import Evidence
-from mocapclean.detection.rule import Level, Ruling, Switch, joint_findings
-from mocapclean.parameters import Field, parameters
+from mocapclean.detection.rule import Ruling, Switch, joint_findings
+from mocapclean.parameters import parameters
 
 COLUMNS = ("joints",)
 
@@ -15,10 +13,6 @@ COLUMNS = ("joints",)
 @parameters
 class Params(Switch):
     """The parameters of the rule."""
-
-    replace: Annotated[Level, Field(description="whose findings distrust samples: those that are sure, or none")] = (
-        "never"
-    )
 
 
 def examine(evidence: Evidence, params: Params) -> Ruling:
