@@ -100,9 +100,9 @@ def body_scale(names: Sequence[str], parents: Sequence[int], offsets: Floats, de
         return BodyScale(millimetres=default, is_known=False, reason=reason)
     first, *others = sorted(fitting, key=lambda name: _likelihood(name, size), reverse=True)
     unit = fitting[first]
-    reason = f"in {first} the body is about {size * unit / 1e3:.2f} m tall"
+    reason = f"the body is then about {size * unit / 1e3:.2f} m tall ({first})"
     if others and _likelihood(others[0], size) > AMBIGUOUS * _likelihood(first, size):
-        reason += f", likelier than the {size * fitting[others[0]] / 1e3:.2f} m in {others[0]}"
+        reason += f", likelier than {size * fitting[others[0]] / 1e3:.2f} m ({others[0]})"
     return BodyScale(millimetres=unit, is_known=True, reason=reason, stature=size * unit)
 
 

@@ -93,7 +93,7 @@ def test_the_unit_of_a_body_is_found(unit: str, stature: float, naming: str) -> 
     assert found.is_known
     assert found.millimetres == UNITS[unit][0]
     assert found.stature == pytest.approx(stature, rel=0.15)
-    assert f"in {unit} the body is about" in found.reason
+    assert f"({unit})" in found.reason
 
 
 @settings(max_examples=100, deadline=None, database=None)
@@ -161,7 +161,7 @@ def test_two_units_are_named_where_both_are_human() -> None:
     found = scale_of(body(), STATURE / 17.0)  # 17 units: 1.7 m in decimetres, or a child of 0.96 m in CMU's unit
     assert found.is_known
     assert found.millimetres == 100.0
-    assert found.reason.endswith("likelier than the 0.96 m in CMU's unit")
+    assert found.reason.endswith("likelier than 0.96 m (CMU's unit)")
 
 
 def test_a_small_child_is_no_giant() -> None:
@@ -182,7 +182,7 @@ def test_a_file_is_read_in_its_unit(tmp_path: Path, unit: float, *, six: bool, z
     assert take.positions[0, head, 1] - take.positions[0, foot, 1] == pytest.approx(630 + 860, abs=0.01)
     (finding,) = take.findings
     assert (finding.rule, finding.level) == ("units", "info")
-    assert f"taken as {unit:g} mm: in " in finding.message
+    assert f"taken as {unit:g} mm: the body is then about " in finding.message
     if not zero:
         np.testing.assert_allclose(bvh.read_skeleton(path).before, take.skeleton.before)
     given = bvh.read(path, ReadOptions(unit=3.0))
