@@ -21,7 +21,7 @@ from mocapclean.geometry.euler import (
 from mocapclean.geometry.skeleton import Skeleton
 
 _SMALL_ANGLE = 1e-8  # radians below which sin(a) / a is 1 in float64 and its Taylor series is used
-_GIMBAL_COSINE = 1e-3  # cosine of the middle angle below which the outer two are not told apart; chosen by hand
+_GIMBAL_COSINE = 1e-3  # cosine of the middle angle below which the outer two cannot be distinguished; by hand
 _ASCENTS = 60  # turns through the free angles of a joint; each halves the rest or better, chosen by hand
 
 

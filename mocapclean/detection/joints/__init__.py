@@ -27,7 +27,7 @@ _LONGEST_FLIP = 2
 _MANY = 0.5
 """Share of the joints that move: if more of them hold their values at once, the body may have been posed. By hand."""
 _TOGETHER = 3
-"""Joints whose splices at one frame are told one by one; those of more joints are one fault. Chosen by hand."""
+"""Joints whose splices at one frame are reported one by one; those of more joints are one fault. Chosen by hand."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointF
         found += [_pop(signals, excursion, excursion in sure) for excursion in excursions]
         found += [_hold(signals, hold, clear) for hold in own_holds]
         splices += [(signals, splice) for splice in find_splices(signals, excused)]
-    found += _told_splices(splices)
+    found += _reported_splices(splices)
     return tuple(sorted(found, key=lambda fault: (fault.kind, fault.joint, fault.part, fault.start)))
 
 
@@ -160,18 +160,18 @@ def _hold(signals: Signals, hold: Hold, clear: set[tuple[int, int]]) -> JointFau
     )
 
 
-def _told_splices(splices: list[tuple[Signals, Splice]]) -> list[JointFault]:
+def _reported_splices(splices: list[tuple[Signals, Splice]]) -> list[JointFault]:
     """Return the faults of splices; one for each frame at which many joints jump."""
     together: dict[int, list[tuple[Signals, Splice]]] = defaultdict(list)
     for signals, splice in splices:
         together[splice.at].append((signals, splice))
-    told = []
+    reported = []
     for group in together.values():
         group.sort(key=lambda one: int(one[0].joints[one[1].signal]))
         n_joints = len({int(signals.joints[splice.signal]) for signals, splice in group})
         is_few = n_joints <= _TOGETHER
-        told += [_splice(*one, 0 if is_few else n_joints - 1) for one in (group if is_few else group[:1])]
-    return told
+        reported += [_splice(*one, 0 if is_few else n_joints - 1) for one in (group if is_few else group[:1])]
+    return reported
 
 
 def _splice(signals: Signals, splice: Splice, n_others: int) -> JointFault:
