@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import Callable
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +45,7 @@ def work(
             CheckTake(settings, page.keep() if page else None), takes, limits, stop
         )
         with contextlib.closing(results):
-            _print_verdicts(results, verdicts, settings, len(takes))
+            _print_verdicts(results, verdicts, settings, takes)
     if stop.signal:
         complain(f"Interrupted after {len(verdicts)} of {len(takes)} takes. No file was written.")
         return 128 + stop.signal
@@ -112,18 +113,32 @@ class _Page:
 
 
 def _print_verdicts(
-    results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, n_takes: int
+    results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, takes: list[Path]
 ) -> None:
-    """Print each verdict when it arrives, and add it to ``verdicts``."""
-    with TakeBar(n_takes, quiet=settings.quiet) as bar:
+    """Add each verdict to ``verdicts`` when it arrives, and print it as soon as those of all earlier takes are printed.
+
+    Workers finish in any order, and a log must be the same in every run.
+    """
+    n_printed = 0
+    with TakeBar(len(takes), quiet=settings.quiet) as bar:
         for source, result in results:
             if isinstance(result, MocapcleanError):
                 result = unchecked(source, "finished", f"{source}: {result}", "raise --timeout or --memory")
             verdicts[source] = result
-            if not (settings.quiet and result.passes):
-                with bar.aside():
-                    click.echo(verdict(result, verbose=settings.verbose))
+            ready = list(takewhile(verdicts.__contains__, takes[n_printed:]))
+            n_printed += len(ready)
+            with bar.aside():
+                _print(ready, verdicts, settings)
             bar.advance()
+    # After an interruption those of takes behind an unfinished one are left.
+    _print([take for take in takes[n_printed:] if take in verdicts], verdicts, settings)
+
+
+def _print(takes: list[Path], verdicts: dict[Path, Verdict], settings: Settings) -> None:
+    """Print the verdicts of some takes; with --quiet those alone that fail."""
+    for take in takes:
+        if not (settings.quiet and verdicts[take].passes):
+            click.echo(verdict(verdicts[take], verbose=settings.verbose))
 
 
 def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, settings: Settings) -> None:
