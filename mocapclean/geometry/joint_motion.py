@@ -130,11 +130,13 @@ def _write_run(
     free = wanted[frames][:, channels]
     given = start[frames][:, channels]
     target = rotations[frames]
-    angles = _nearest_allowed(axes, given, free, target)
+    angles, rest = given.copy(), np.ones(len(given), dtype=bool)
     if is_ball(axes):
         exact = euler_angles(axes, matrices(target))
-        usable = free.all(axis=1) & (np.abs(np.cos(np.radians(exact[:, 1]))) > _GIMBAL_COSINE)
-        angles[usable] = exact[usable]
+        rest = ~free.all(axis=1) | (np.abs(np.cos(np.radians(exact[:, 1]))) <= _GIMBAL_COSINE)
+        angles[~rest] = exact[~rest]
+    if rest.any():
+        angles[rest] = _nearest_allowed(axes, given[rest], free[rest], target[rest])
     before, after = frames.start > 0, frames.stop < len(poses)
     if free.all():
         beside = start[frames.start - before : frames.stop + after, channels].copy()
