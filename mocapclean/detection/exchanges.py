@@ -12,7 +12,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, column_runs
 from mocapclean.geometry.distances import Rigidity
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import MAD_TO_SD, nan_median
 
 _LEAST_BREAK = 25.0  # mm, second difference of a path beyond which its label may have changed
 _MOST_ERROR = 0.35  # share of the prediction error that may be left when two paths are exchanged
@@ -25,7 +25,6 @@ _LEAST_ERROR = 1e-9  # mm, keeps paths without any error from a division by 0
 _SCREEN_FRAMES = 30  # frames of such a window that show which pairs may fit; chosen for speed
 _SCREEN_SLACK = 3.0  # factor of the limits for these few frames; with 2, one of 551 exchanges over gaps was missed
 _AT_ONCE = 2**18  # numbers of distances that are compared at once; bounds the memory
-_TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation
 
 
 @dataclass(frozen=True)
@@ -173,7 +172,7 @@ def _usual_distances(positions: Floats, windows: Ints, fewest: int) -> tuple[Flo
             distances = np.sqrt(np.einsum("cmwf,cmwf->wmf", offsets, offsets))
             often = np.isfinite(distances).sum(axis=2) >= fewest
             medians[few] = np.where(often, nan_median(distances, axis=2), np.nan)
-            spreads[few] = _TO_SD * nan_median(np.abs(distances - medians[few][..., None]), axis=2)
+            spreads[few] = MAD_TO_SD * nan_median(np.abs(distances - medians[few][..., None]), axis=2)
     return medians, spreads
 
 
@@ -225,7 +224,7 @@ def _distance_errors(positions: Floats, rigid: Rigidity, first: int, second: int
             continue
         distances = np.linalg.norm(positions[:, partners] - positions[:, [own]], axis=2)
         middle = nan_median(distances[~frames])
-        spread = _TO_SD * nan_median(np.abs(distances[~frames] - middle)) + _DISTANCE_SLACK
+        spread = MAD_TO_SD * nan_median(np.abs(distances[~frames] - middle)) + _DISTANCE_SLACK
         swapped = np.linalg.norm(positions[frames][:, partners] - positions[frames][:, [other]], axis=2)
         as_labelled += _mean(np.abs(distances[frames] - middle) / spread)
         exchanged += _mean(np.abs(swapped - middle) / spread)

@@ -27,7 +27,7 @@ from mocapclean.experiments.markers import HARM, halves, notes_on
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, parameters, solve
 from mocapclean.numerics.interpolation import linear
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import MAD_TO_SD, nan_median
 from mocapclean.simulate import VARIATIONS, vary
 from mocapclean.simulate.variations import UNCHANGED
 from mocapclean.solvers.running import run_method
@@ -51,7 +51,6 @@ MEASURES = (
 _MARGIN = 2  # frames on both sides of a fault that count as neither right nor wrong; chosen by hand
 _FAR_SECONDS = 1.0  # from a fault of any marker, beyond which it can be no reason to change a sample
 _LEAST_NOISE = 0.1  # mm, noise of a coordinate below which a marker counts as having this much; what cameras resolve
-_SD_PER_MAD = 1.4826  # SD of a normal distribution over its median absolute deviation
 _SECOND_DIFFERENCE = 6.0  # variance of the second difference of white noise over that of the noise, 1 + 4 + 1
 _PER = 1e5  # samples to which the counts of the tables refer
 
@@ -193,7 +192,7 @@ def noise(take: Take) -> Floats:
     """
     known = np.where(take.trusted[..., None], take.positions, np.nan)
     bend = np.abs(known[2:] - 2.0 * known[1:-1] + known[:-2])
-    sd = _SD_PER_MAD * nan_median(bend.transpose(0, 2, 1).reshape(-1, bend.shape[1])) / np.sqrt(_SECOND_DIFFERENCE)
+    sd = MAD_TO_SD * nan_median(bend.transpose(0, 2, 1).reshape(-1, bend.shape[1])) / np.sqrt(_SECOND_DIFFERENCE)
     return np.asarray(np.fmax(sd, _LEAST_NOISE))
 
 

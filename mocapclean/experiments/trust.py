@@ -24,7 +24,7 @@ from mocapclean.detection.rules import swap
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, rms, solve
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import MAD_TO_SD, nan_median
 from mocapclean.simulate import FAULTS, Injected, inject
 from mocapclean.take import Take
 
@@ -54,7 +54,6 @@ QUICK_FRAMES = 600
 _MARGIN = 2  # frames on both sides of a fault that count as neither right nor wrong; chosen by hand
 _HALF_WINDOW = 5  # frames on both sides in the window of the Hampel filter; chosen by hand
 _SIGMAS = 3.0  # robust SDs from the median; the 3-sigma rule of Pearson (2002)
-_SD_PER_MAD = 1.4826  # SD of a normal distribution over its median absolute deviation
 
 
 def trials(request: Request) -> list[Trial]:
@@ -156,7 +155,7 @@ def hampel(positions: Floats, trusted: Bools) -> Bools:
     padded = np.pad(known, ((_HALF_WINDOW, _HALF_WINDOW), (0, 0), (0, 0)), constant_values=np.nan)
     windows = sliding_window_view(padded, 2 * _HALF_WINDOW + 1, axis=0)
     middle = nan_median(windows, axis=-1)
-    spread = _SD_PER_MAD * nan_median(np.abs(windows - middle[..., None]), axis=-1)
+    spread = MAD_TO_SD * nan_median(np.abs(windows - middle[..., None]), axis=-1)
     return np.asarray(trusted & (np.abs(known - middle) > _SIGMAS * spread).any(axis=2))
 
 

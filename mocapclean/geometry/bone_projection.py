@@ -49,16 +49,16 @@ def project_to_bone_lengths(
     weights: Floats | float = np.inf,
     precision: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return points (F, M, 3) near targets (F, M, 3) with bones of ends (E, 2) and lengths (E,), and the error (F,).
+    """Return points (F, M, 3) near targets (F, M, 3) with bones of ends (E, 2) and lengths, and the error (F,).
 
-    weights: w (E,), or one for all; infinite for exact lengths. precision: p (F, M), the weight of the squared distance
-    from each target, of the order of 1; 1 by default.
+    lengths: (E,), or (F, E) where they differ from frame to frame. weights: w (E,), or one for all; infinite for exact
+    lengths. precision: p (F, M), the weight of the squared distance from each target, of the order of 1; 1 by default.
 
     Only movable (F, M) points move. A bone counts in a frame where both ends are movable or anchored (F, M), and one of
     them is movable. The error is the largest entry of the frame's KKT residual, in the unit of the targets.
     """
     points, errors = targets.copy(), np.zeros(len(targets))
-    weights = np.broadcast_to(weights, lengths.shape)
+    weights, lengths = np.broadcast_to(weights, len(ends)), np.broadcast_to(lengths, (len(targets), len(ends)))
     # Frames with the same movable and anchored points share one system.
     masks = Masks(np.concatenate([movable, anchored], axis=1))
     order = np.argsort(masks.index, kind="stable")
@@ -73,7 +73,7 @@ def project_to_bone_lengths(
                 np.ones((len(rows), len(moved))) if precision is None else precision[np.ix_(rows, moved)],
                 moved,
                 ends[active],
-                lengths[active],
+                lengths[np.ix_(rows, active)],
                 weights[active],
             )
     return points, errors
@@ -84,7 +84,7 @@ def _newton(
 ) -> tuple[Floats, Floats]:
     """Return what ``project_to_bone_lengths`` does, for frames (f, M, 3) in which the same points move and bones count.
 
-    precision: (f, m) of the ``moved`` points (m,).
+    precision: (f, m) of the ``moved`` points (m,). lengths: (f, E).
     """
     n_moved, n_bones = 3 * len(moved), len(ends)
     incidence = np.zeros((n_bones, targets.shape[1]))
@@ -96,7 +96,7 @@ def _newton(
     system = np.zeros((len(targets), n_moved + n_bones, n_moved + n_bones))
     for step in range(MOST_STEPS + 1):
         # B = (y_u − y_v)/ℓ along each bone, and c = ℓ (|y_u − y_v|²/ℓ² − 1) / 2
-        along = (points[:, ends[:, 0]] - points[:, ends[:, 1]]) / lengths[:, None]
+        along = (points[:, ends[:, 0]] - points[:, ends[:, 1]]) / lengths[..., None]
         slopes = (incidence[:, :, None] * along[:, :, None]).reshape(len(targets), n_bones, n_moved)
         stretch = 0.5 * lengths * (np.einsum("fec,fec->fe", along, along) - 1.0)
         # [P(y − t) + Bᵀ λ, c − λ/w]
@@ -116,7 +116,7 @@ def _newton(
         system[:, n_moved:, :n_moved], system[:, :n_moved, n_moved:] = slopes, slopes.swapaxes(1, 2)
         system[:, n_moved:, n_moved:] = -np.diag(compliance)
         move = np.linalg.solve(system, -residual[..., None])[..., 0]
-        share = np.minimum(1.0, longest / np.maximum(np.abs(move[:, :n_moved]).max(axis=1), np.finfo(float).tiny))
+        share = longest / np.maximum(np.abs(move[:, :n_moved]).max(axis=1), longest)
         points[:, moved] += (share[:, None] * move[:, :n_moved]).reshape(len(targets), -1, 3)
         multipliers += share[:, None] * move[:, n_moved:]
     return points, errors

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints, evenly_spaced
-from mocapclean.numerics.robust import nan_median
+from mocapclean.numerics.robust import MAD_TO_SD, nan_median
 
 _CHUNK = 512  # frames whose distances are in memory at a time; chosen for memory
 _ROBUST_SAMPLE = 300  # most frames of robust distances; chosen for speed, more change no bone of the sample takes
-_MAD_TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation, 1 / Φ⁻¹(3/4)
 _FEWEST_SHARED = 10  # frames in which both markers must be trusted for their distance to count; chosen by hand
 _FEWEST_SHARED_PART = 0.25  # the same as a part of the frames, where these are fewer than 40; chosen by hand
 
@@ -62,7 +61,7 @@ def robust_distances(positions: Floats, trusted: Bools, fewest: int) -> tuple[Fl
         length = np.sqrt(np.einsum("fmc,fmc->fm", offset, offset))
         often = np.isfinite(length).sum(axis=0) >= min(fewest, len(frames))
         median = nan_median(length)
-        deviation = _MAD_TO_SD * nan_median(np.abs(length - median))
+        deviation = MAD_TO_SD * nan_median(np.abs(length - median))
         distance[a, a + 1 :] = distance[a + 1 :, a] = np.where(often, median, 0.0)
         spread[a, a + 1 :] = spread[a + 1 :, a] = np.where(often, deviation, np.inf)
     return distance, spread

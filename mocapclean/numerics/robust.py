@@ -4,6 +4,8 @@ import numpy as np
 
 from mocapclean.arrays import Floats, Ints
 
+MAD_TO_SD = 1.4826  # the SD of a normal distribution over its median absolute deviation, 1 / Φ⁻¹(3/4)
+
 
 def nan_median(values: Floats, axis: int = 0) -> Floats:
     """Return the median along one axis over the entries that are not NaN; NaN where all entries are NaN.

@@ -37,6 +37,11 @@ LONGEST_MIXED = 0.1
 In gaps of up to 10 frames at 120 Hz it took off 12 % of the error on ten takes, and it added to that of longer ones.
 """
 EQUAL_POSES = 10.0  # times the noise parameter (0.3 mm), change of pose below which poses count as equal; by hand
+MAX_ADJACENT_MISSING = 0.02
+"""Share of its neighbours, by weight, that may be unknown in a frame from which a part is bridged.
+
+Where more are unknown, the regression errs there by more than the process over time does. Chosen by hand.
+"""
 MAX_REUSED_VARIANCE = 0.25  # of the mean variance of the segment, up to which a filled sample is bridged from
 
 
@@ -74,7 +79,8 @@ class GapSegment:
         self.hinge_ends = find_ends(state.distances, marker, self.neighbours)
         self.incomplete_training = False
         # The frames of the adjacent samples, the frames that windows need beside them, and the samples.
-        reach, bridgeable = max(1, round(ADJACENT_REACH * state.rate)), self.known | self._well_filled()
+        reach = max(1, round(ADJACENT_REACH * state.rate))
+        bridgeable = (self.known | self._well_filled()) & self._follows_neighbours()
         self.before, self.after = adjacent_frames(bridgeable, start, stop, reach, state.rate)
         edge = max(1, round(WINDOW_EDGE * state.rate / REFERENCE_RATE))
         self.edges = edge * (len(self.before) > 0), edge * (len(self.after) > 0)
@@ -192,8 +198,21 @@ class GapSegment:
         """Return the filled samples (F,) of the marker elsewhere whose variance is at most a quarter of that of this
         part.
         """
-        sd = self.state.sd[:, self.marker]
-        own_variance = np.square(sd[self.start : self.stop]).mean()
-        well_filled: Bools = ~self.known & (np.square(sd) <= MAX_REUSED_VARIANCE * own_variance)
+        well_filled: Bools = ~self.known & self._reusable(self.state.sd[:, self.marker])
         well_filled[self.start : self.stop] = False
         return well_filled
+
+    def _follows_neighbours(self) -> Bools:
+        """Return the frames (F,) in which nearly all neighbours, by weight, are known or filled well."""
+        near = self.neighbours
+        weights = self.state.distances.weights(self.marker)[near]
+        unknown = ~self.state.known[:, near] & ~self._reusable(self.state.sd[:, near])
+        return np.asarray(unknown @ weights <= MAX_ADJACENT_MISSING * weights.sum(), dtype=bool)
+
+    def _reusable(self, sd: Floats) -> Bools:
+        """Return which samples of any shape have a variance, from their SD, of at most a quarter of that of this part.
+
+        NaN, where nothing is filled, is not.
+        """
+        own_variance = np.square(self.state.sd[self.start : self.stop, self.marker]).mean()
+        return np.asarray(np.square(sd) <= MAX_REUSED_VARIANCE * own_variance, dtype=bool)

@@ -1,4 +1,4 @@
-"""Split a gap into as few parts as keep half of the neighbour weight throughout each, and smooth the joins."""
+"""Split a gap into as few parts as keep half of the neighbour weight throughout each."""
 
 from itertools import pairwise
 
@@ -9,7 +9,6 @@ from mocapclean.arrays import Bools, Floats
 # The constants below were chosen by hand on the captures of `mocapclean bench markers`; no sweep was kept.
 N_HEAVIEST = 8  # neighbours whose presence decides where a gap is split
 MIN_SHARED_WEIGHT = 0.5  # of the weight of the known neighbours, that all frames of a segment have in common
-JOIN_DECAY = 1.0 / 12.0  # s, time in which the correction of a step at a join falls to 1/e
 
 
 def split_gap(known: Bools, weights: Floats, start: int, stop: int) -> list[tuple[int, int]]:
@@ -35,19 +34,3 @@ def split_gap(known: Bools, weights: Floats, start: int, stop: int) -> list[tupl
             segments.append((start + first, start + last))
             common = here
     return segments
-
-
-def join_segments(track: Floats, segments: list[tuple[int, int]], rate: float) -> None:
-    """Remove the discontinuities between adjacent parts of a trajectory (F, 3), in place, by corrections that decay
-    from them.
-
-    Half of each step is added before the join and taken off after it, decaying over a twelfth of a second.
-    """
-    width = max(1.0, JOIN_DECAY * rate)
-    # The step is the distance from where constant velocity would have led.
-    joins = [(start, edge, stop) for (start, edge), (after, stop) in pairwise(segments) if after == edge]
-    steps = [track[edge] - 2.0 * track[edge - 1] + track[max(edge - 2, 0)] for _, edge, _ in joins]
-    for (start, edge, stop), step in zip(joins, steps, strict=True):
-        before, after = np.arange(start, edge), np.arange(edge, stop)
-        track[before] += 0.5 * step * np.exp(-(edge - 1 - before) / width)[:, None]
-        track[after] -= 0.5 * step * np.exp(-(after - edge) / width)[:, None]

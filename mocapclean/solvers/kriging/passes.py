@@ -1,4 +1,4 @@
-"""Fill gaps in passes: later passes also use filled samples as neighbours and beside the parts of a split gap."""
+"""Fill gaps in passes: later passes also use filled samples as neighbours."""
 
 from functools import partial
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.cores import in_parts
 from mocapclean.solvers.kriging.answers import answers
 from mocapclean.solvers.kriging.gap_segment import CLEARLY_BETTER, Answer, GapSegment
-from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
+from mocapclean.solvers.kriging.gap_splitting import split_gap
+from mocapclean.solvers.kriging.joining import join_parts
 from mocapclean.solvers.kriging.take_state import TakeState
 
 SETTLED_CHANGE = 0.3
@@ -33,12 +34,11 @@ class GapSpan(NamedTuple):
 class PassOutcome(NamedTuple):
     """The outcome of one pass over some gaps, which decides what the next pass fills.
 
-    incomplete_training: whether a gap was learnt from frames that lack many neighbours. split: gaps filled in segments.
+    incomplete_training: whether a gap was learnt from frames that lack many neighbours.
     alone: gaps that would be split, and are filled from the marker's own path, which later passes do not change.
     """
 
     incomplete_training: bool
-    split: list[GapSpan]
     alone: list[GapSpan]
 
 
@@ -64,11 +64,10 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
                 # Gaps learn from filled samples: fill the others as well.
                 others = fill_gaps(state, sorted(set(gaps) - set(wanted_gaps)), first=True)
                 gaps = [gap for gap in gaps if gap not in others.alone]
-            # Split gaps are filled again, since each segment can now be bridged from the fill of the next one.
-            to_fill = gaps if incomplete else outcome.split
+            to_fill = gaps if incomplete else []
         else:
             # Later passes fill only the gaps that the last pass still changed.
-            to_fill = [gap for gap in gaps if incomplete and _changed(state, gap, before)]
+            to_fill = [gap for gap in gaps if _changed(state, gap, before)]
     return passes
 
 
@@ -94,20 +93,20 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
     progress.stage("filling", len(gaps))
     parts = _parts(gaps)
     positions, sd = state.positions.copy(), state.sd.copy()
-    outcome = PassOutcome(False, [], [])
+    outcome = PassOutcome(False, [])
     for part, filled in zip(parts, in_parts(partial(_answered, state, first), parts), strict=True):
         progress.advance(len(part))
         for gap, found in zip(part, filled, strict=True):
             answered = [(span, answer) for span, answer in zip(found.spans, found.answers, strict=True) if answer]
             for (start, stop), answer in answered:
                 positions[start:stop, gap.marker], sd[start:stop, gap.marker] = answer
-            join_segments(positions[:, gap.marker], [span for span, _ in answered], state.rate)
+            fixed = state.known[:, gap.marker] | state.begun[:, gap.marker]
+            join_parts(positions[:, gap.marker], sd[:, gap.marker], fixed, [span for span, _ in answered], state.rate)
             outcome = outcome._replace(incomplete_training=outcome.incomplete_training or found.incomplete_training)
             if found.alone:
                 outcome.alone.append(gap)
-            elif len(found.spans) > 1:
-                outcome.split.append(gap)
-    state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
+    positions, state.sd = state.limits.restored(positions, sd, state.known | state.begun)
+    state.positions = state.bones.restored(positions, state.sd, state.trusted)
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return outcome
 

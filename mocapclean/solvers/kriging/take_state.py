@@ -9,6 +9,7 @@ from mocapclean.numerics import interpolation
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.bones import Bones
 from mocapclean.solvers.kriging.bridging import BridgeWeights
+from mocapclean.solvers.kriging.distance_limits import DistanceLimits
 from mocapclean.solvers.kriging.neighbour_frames import neighbour_frames
 from mocapclean.solvers.kriging.neighbours import NeighbourDistances
 from mocapclean.solvers.kriging.own_path import OwnPath
@@ -30,7 +31,7 @@ class TakeState:
     known: (F, M) whether a sample is trusted or in a bridged short gap.
     missing: (F, M) 1.0 where a sample is neither known nor filled, else 0.0.
     begun: (F, M) whether a sample is filled by the solution that the state began with.
-    distances, bones: measured on the trusted samples. bridge_weights, own_path: shared by all gaps.
+    distances, bones, limits: measured on the trusted samples. bridge_weights, own_path: shared by all gaps.
     """
 
     def __init__(self, take: Take, params: "Params", begun: Solution | None = None) -> None:
@@ -42,6 +43,7 @@ class TakeState:
             interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None
         )
         self.bones = Bones.of_take(take, params.bone_spread, self.distances)
+        self.limits = DistanceLimits.measured(interpolated, take.trusted, self.distances)
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
         # A neighbour in a gap at an end of the take is not used: markers lost together there would mislead each other.
         usable = take.trusted | (self.known & enclosed(take.trusted))

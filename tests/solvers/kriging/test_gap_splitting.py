@@ -1,6 +1,6 @@
 import numpy as np
 
-from mocapclean.solvers.kriging.gap_splitting import join_segments, split_gap
+from mocapclean.solvers.kriging.gap_splitting import split_gap
 
 
 def test_a_gap_is_split_where_its_heavy_neighbours_go():
@@ -17,11 +17,3 @@ def test_a_gap_is_whole_while_half_of_the_weight_stays():
     known[150:200, 4] = False
     weights = np.array([4.0, 0.0, 3.0, 2.0, 1.0, 0.5])
     assert split_gap(known, weights, 100, 200) == [(100, 200)]
-
-
-def test_a_step_between_segments_is_shared_by_both():
-    track = np.zeros((40, 3))
-    track[20:] = 8.0
-    join_segments(track, [(0, 20), (20, 40)], 120.0)
-    assert np.abs(np.diff(track, axis=0)).max() < 1.0
-    assert np.abs(track[0]).max() < 1.0

@@ -44,7 +44,9 @@ def filled(take: Take, props: list[int], start: int, stop: int) -> tuple[Solutio
 def test_a_box_at_rest_stays_where_it_is(rng, n_frames, span):
     take = beside(rng, np.repeat(CORNERS[None], n_frames, axis=0))
     _, errors, sd = filled(take, [0, 1, 2, 3], *(int(share * n_frames) for share in span))
-    assert np.abs(errors).max() < 6 * NOISE
+    # The hidden samples have noise of their own, and the fill meets the noisy samples beside it.
+    assert np.sqrt(np.square(errors).mean()) < 2.5 * NOISE
+    assert np.abs(errors).max() < 8 * NOISE
     assert (np.abs(errors) <= 1.645 * sd[:, None]).mean() > 0.8
 
 

@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mocapclean.solvers.kriging import Params
-from mocapclean.solvers.kriging.gap_splitting import join_segments
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
@@ -57,15 +56,3 @@ def test_a_marker_with_too_few_samples_stays_out_of_all_others():
     both = solution.filled[:, [0, 1, 3, 4, 5]] & other.filled
     assert both.any()
     np.testing.assert_allclose(solution.positions[:, [0, 1, 3, 4, 5]][both], other.positions[both], atol=1e-6)
-
-
-def test_segments_with_a_break_between_them_are_not_joined():
-    track = np.zeros((30, 3))
-    track[10:20] = np.nan
-    track[20:] = 100.0
-    before = track.copy()
-    join_segments(track, [(0, 10), (20, 30)], 120.0)
-    np.testing.assert_array_equal(track, before)
-    track[10:20] = 50.0
-    join_segments(track, [(0, 10), (10, 20), (20, 30)], 120.0)
-    assert np.abs(np.diff(track[:, 0])).max() < 30.0

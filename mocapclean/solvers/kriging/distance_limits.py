@@ -1,0 +1,107 @@
+"""Nearly rigid pairs of markers: the least and largest distance that a take shows, within which filled samples stay."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.geometry.bone_projection import project_to_bone_lengths
+from mocapclean.numerics.robust import MAD_TO_SD, median
+from mocapclean.solvers.kriging.frame_selection import spread_out
+from mocapclean.solvers.kriging.neighbours import MAX_DISTANCE_FRAMES, NeighbourDistances
+
+LARGEST_SPREAD = 1.5
+"""Times the rigidity parameter, the SD (3 mm) up to which the distance of a pair has limits.
+
+With 2.5 times (5 mm) the errors were equal.
+"""
+MOST_PARTNERS = 6  # most rigid partners of a marker that limit it; chosen by hand, no sweep was kept
+FARTHEST = 5.0  # robust SDs from the median distance, beyond which no limit is; chosen by hand, no sweep was kept
+LEAST_SPREAD = 0.5  # times the rigidity parameter, the least robust SD (1 mm) that counts there; chosen by hand
+LEAST_EXCESS = 0.05  # times the rigidity parameter, the excess over a limit (0.1 mm) up to which nothing moves; by hand
+MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
+
+
+@dataclass(frozen=True)
+class DistanceLimits:
+    """Pairs of markers with the limits of their distance.
+
+    ends: (E, 2) columns of the markers. least, largest: (E,) mm. spreads: (E,) SD of the distance, mm. excess: mm,
+    beyond a limit up to which nothing moves.
+    """
+
+    ends: Ints
+    least: Floats
+    largest: Floats
+    spreads: Floats
+    excess: float
+
+    @classmethod
+    def measured(cls, positions: Floats, trusted: Bools, distances: NeighbourDistances) -> "DistanceLimits":
+        """Return the limits of the most rigid pairs, over up to 300 frames in which both are trusted (F, M)."""
+        # Each row of the variances is over the frames of its marker: a pair has two, of which one may be infinite.
+        spread = np.sqrt(np.minimum(distances.variance, distances.variance.T))
+        np.fill_diagonal(spread, np.inf)
+        pairs = set()
+        for marker, row in enumerate(spread):
+            nearest = np.argsort(row, kind="stable")[:MOST_PARTNERS]
+            rigid = nearest[row[nearest] <= LARGEST_SPREAD * distances.rigidity].tolist()
+            pairs |= {(min(marker, other), max(marker, other)) for other in rigid}
+        ends = np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2)
+        least, largest = np.zeros(len(ends)), np.full(len(ends), np.inf)
+        for k, (a, b) in enumerate(ends):
+            frames = spread_out(np.flatnonzero(trusted[:, a] & trusted[:, b]), MAX_DISTANCE_FRAMES, 1)
+            if len(frames):
+                lengths = np.linalg.norm(positions[frames, a] - positions[frames, b], axis=1)
+                # Frames with a wrong label are no evidence of a distance.
+                middle = median(lengths)
+                robust_sd = MAD_TO_SD * median(np.abs(lengths - middle))
+                far = FARTHEST * max(robust_sd, LEAST_SPREAD * distances.rigidity)
+                least[k], largest[k] = max(lengths.min(), middle - far), min(lengths.max(), middle + far)
+        return cls(ends, least, largest, spread[ends[:, 0], ends[:, 1]], LEAST_EXCESS * distances.rigidity)
+
+    def restored(self, positions: Floats, sd: Floats, fixed: Bools) -> tuple[Floats, Floats]:
+        """Return positions (F, M, 3) and SD (F, M), mm, with filled samples moved to where all pairs are in limits.
+
+        Only frames with a pair beyond its limits change, by weighted least squares: samples with a large SD move most,
+        and pairs within their limits keep their distance. The variance of a sample that moves grows by the mean square
+        of the move. fixed: (F, M) samples that stay; those that contradict most of their partners hold no other sample.
+        """
+        filled = np.isfinite(sd) & ~fixed
+        a, b = self.ends.T
+        lengths = np.linalg.norm(positions[:, a] - positions[:, b], axis=2)
+        wanted = np.clip(lengths, self.least, self.largest)
+        excess = np.abs(lengths - wanted)
+        fixed = fixed & ~self._in_doubt(excess, filled, fixed)
+        counting = (filled | fixed)[:, self.ends].all(axis=2) & filled[:, self.ends].any(axis=2)
+        beyond = counting & (excess > self.excess)
+        frames = np.flatnonzero(beyond.any(axis=1))
+        if not len(frames):
+            return positions, sd
+        # min Σ p |y - t|² + Σ w (length error)²: p = m / sd², w = m / spread², m the median variance.
+        median_sd = median(sd[filled])
+        precision = np.square(median_sd / np.where(filled, np.maximum(sd, MIN_SAMPLE_SD * median_sd), 1.0))[frames]
+        weights = np.square(median_sd / np.maximum(self.spreads, self.excess))
+        moved = positions.copy()
+        moved[frames] = project_to_bone_lengths(
+            positions[frames], filled[frames], fixed[frames], self.ends, wanted[frames], weights, precision
+        )[0]
+        squares = np.square(moved - positions).mean(axis=2)
+        return moved, np.where(filled, np.sqrt(np.square(sd) + squares), sd)
+
+    def _in_doubt(self, excess: Floats, filled: Bools, fixed: Bools) -> Bools:
+        """Return the fixed samples (F, M) that are beyond their limits with more than half of their partners.
+
+        They may belong to another marker. Partners that are fixed count, and filled ones within the limits of a fixed
+        one. excess: (F, E) beyond the limits of pairs, mm.
+        """
+        a, b = self.ends.T
+        markers = np.arange(fixed.shape[1])
+        of_a, of_b = (side[:, None] == markers for side in (a, b))
+        far = excess > self.spreads
+        counting = fixed | (filled & ((fixed[:, b] & ~far) @ of_a | (fixed[:, a] & ~far) @ of_b))
+        partners, beyond = (
+            (counting[:, b] & pairs) @ of_a.astype(float) + (counting[:, a] & pairs) @ of_b.astype(float)
+            for pairs in (np.ones_like(far), far)
+        )
+        return np.asarray(fixed & (2.0 * beyond > partners), dtype=bool)
