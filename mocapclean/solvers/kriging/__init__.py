@@ -16,10 +16,10 @@ Two more predictors use the marker's own path alone: it stays, or moves on as it
 they err clearly less on windows that resemble the gap (``gap_segment``).
 
 Near neighbours at a nearly constant distance from k weigh most. Gaps of up to 1/24 s are bridged over time first, and
-then count as known. A gap whose neighbours come and go is filled in segments, which are joined by kriging of their errors
-(``joining``). Where most frames lack neighbours, later passes learn from the samples that earlier ones filled. Filled
-samples are moved so that the bones of a skeleton, and pairs of markers that prove rigid, keep their lengths, and nearly
-rigid pairs stay within the distances that the take shows (``distance_limits``).
+then count as known. A gap whose neighbours come and go is filled in segments, which are joined by kriging of their
+errors (``joining``). Where most frames lack neighbours, later passes learn from the samples that earlier ones filled.
+Filled samples are moved so that the bones of a skeleton, and pairs of markers that prove rigid, keep their lengths.
+Nearly rigid pairs stay within the distances that the take shows (``distance_limits``).
 
 Our own method. Its parts: N. Cressie, 1993, doi:10.1002/9781119115151 (regression kriging); W. Kabsch, 1976,
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).

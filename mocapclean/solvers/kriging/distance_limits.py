@@ -6,6 +6,7 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.bone_projection import project_to_bone_lengths
+from mocapclean.numerics.gaussian import smoothed
 from mocapclean.numerics.robust import MAD_TO_SD, median
 from mocapclean.solvers.kriging.frame_selection import spread_out
 from mocapclean.solvers.kriging.neighbours import MAX_DISTANCE_FRAMES, NeighbourDistances
@@ -19,6 +20,13 @@ MOST_PARTNERS = 6  # most rigid partners of a marker that limit it; chosen by ha
 FARTHEST = 5.0  # robust SDs from the median distance, beyond which no limit is; chosen by hand, no sweep was kept
 LEAST_SPREAD = 0.5  # times the rigidity parameter, the least robust SD (1 mm) that counts there; chosen by hand
 LEAST_EXCESS = 0.05  # times the rigidity parameter, the excess over a limit (0.1 mm) up to which nothing moves; by hand
+ROUNDS = 4  # times that moves are made and smoothed; chosen by hand, no sweep was kept
+SMOOTHING = 0.03
+"""SD, s, of the Gaussian by which the moves are smoothed.
+
+With 0.015, 0.03 and 0.06 s the RMS deviation of rigid pairs in 20 captures with many gaps was 2.21, 2.21 and 2.60 times
+that of measured samples (5.7 without limits), and 85, 80 and 83 markers had a step above 1.5 times their own largest.
+"""
 MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
 
 
@@ -60,34 +68,56 @@ class DistanceLimits:
                 least[k], largest[k] = max(lengths.min(), middle - far), min(lengths.max(), middle + far)
         return cls(ends, least, largest, spread[ends[:, 0], ends[:, 1]], LEAST_EXCESS * distances.rigidity)
 
-    def restored(self, positions: Floats, sd: Floats, fixed: Bools) -> tuple[Floats, Floats]:
-        """Return positions (F, M, 3) and SD (F, M), mm, with filled samples moved to where all pairs are in limits.
+    def restored(self, positions: Floats, sd: Floats, fixed: Bools, rate: float) -> tuple[Floats, Floats]:
+        """Return positions (F, M, 3) and SD (F, M), mm, with filled samples moved towards the limits of all pairs.
 
-        Only frames with a pair beyond its limits change, by weighted least squares: samples with a large SD move most,
-        and pairs within their limits keep their distance. The variance of a sample that moves grows by the mean square
-        of the move. fixed: (F, M) samples that stay; those that contradict most of their partners hold no other sample.
+        Samples with a large SD move most. The moves are smoothed over time, each in units of the SD, so that the path
+        stays smooth; this is repeated. The variance of a sample grows by the mean square of its move. fixed: (F, M)
+        samples that stay; those that contradict most of their partners hold no other sample.
         """
         filled = np.isfinite(sd) & ~fixed
+        moved = positions
+        for _ in range(ROUNDS):
+            offsets = self._offsets(moved, sd, filled, fixed)
+            if not offsets.any():
+                break
+            columns = np.flatnonzero(offsets.any(axis=(0, 2)))
+            scale = np.where(filled, sd, np.inf)[:, columns, None]
+            steps = (
+                smoothed(offsets[:, columns] / scale, SMOOTHING * rate) * np.where(filled, sd, 0.0)[:, columns, None]
+            )
+            moved = moved.copy()
+            moved[:, columns] += steps
+        if moved is positions:
+            return positions, sd
+        squares = np.square(moved - positions).mean(axis=2)
+        return moved, np.where(filled, np.sqrt(np.square(sd) + squares), sd)
+
+    def _offsets(self, positions: Floats, sd: Floats, filled: Bools, fixed: Bools) -> Floats:
+        """Return the offsets (F, M, 3), mm, of filled samples to where the pairs of a frame are within their limits.
+
+        They are those of weighted least squares, in which pairs within their limits keep their distance. They are zero
+        in frames in which all pairs are.
+        """
         a, b = self.ends.T
         lengths = np.linalg.norm(positions[:, a] - positions[:, b], axis=2)
         wanted = np.clip(lengths, self.least, self.largest)
         excess = np.abs(lengths - wanted)
         fixed = fixed & ~self._in_doubt(excess, filled, fixed)
         counting = (filled | fixed)[:, self.ends].all(axis=2) & filled[:, self.ends].any(axis=2)
-        beyond = counting & (excess > self.excess)
-        frames = np.flatnonzero(beyond.any(axis=1))
-        if not len(frames):
-            return positions, sd
-        # min Σ p |y - t|² + Σ w (length error)²: p = m / sd², w = m / spread², m the median variance.
-        median_sd = median(sd[filled])
-        precision = np.square(median_sd / np.where(filled, np.maximum(sd, MIN_SAMPLE_SD * median_sd), 1.0))[frames]
-        weights = np.square(median_sd / np.maximum(self.spreads, self.excess))
-        moved = positions.copy()
-        moved[frames] = project_to_bone_lengths(
-            positions[frames], filled[frames], fixed[frames], self.ends, wanted[frames], weights, precision
-        )[0]
-        squares = np.square(moved - positions).mean(axis=2)
-        return moved, np.where(filled, np.sqrt(np.square(sd) + squares), sd)
+        frames = np.flatnonzero((counting & (excess > self.excess)).any(axis=1))
+        offsets = np.zeros_like(positions)
+        if len(frames):
+            # min Σ p |y - t|² + Σ w (length error)²: p = m / sd², w = m / spread², m the median variance.
+            median_sd = median(sd[filled])
+            least_sd = np.maximum(sd, MIN_SAMPLE_SD * median_sd)
+            precision = np.square(median_sd / np.where(filled, least_sd, 1.0))[frames]
+            weights = np.square(median_sd / np.maximum(self.spreads, self.excess))
+            projected = project_to_bone_lengths(
+                positions[frames], filled[frames], fixed[frames], self.ends, wanted[frames], weights, precision
+            )[0]
+            offsets[frames] = projected - positions[frames]
+        return offsets
 
     def _in_doubt(self, excess: Floats, filled: Bools, fixed: Bools) -> Bools:
         """Return the fixed samples (F, M) that are beyond their limits with more than half of their partners.

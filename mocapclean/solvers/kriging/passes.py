@@ -105,7 +105,7 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
             outcome = outcome._replace(incomplete_training=outcome.incomplete_training or found.incomplete_training)
             if found.alone:
                 outcome.alone.append(gap)
-    positions, state.sd = state.limits.restored(positions, sd, state.known | state.begun)
+    positions, state.sd = state.limits.restored(positions, sd, state.known | state.begun, state.rate)
     state.positions = state.bones.restored(positions, state.sd, state.trusted)
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return outcome
