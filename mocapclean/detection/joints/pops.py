@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.detection.joints.others import fitted_pop, unexplained
+from mocapclean.detection.joints.others import usual as usually_unexplained
 from mocapclean.detection.joints.signals import Signals
 
 LEAST = 5.0
@@ -29,6 +31,15 @@ _SLOWING = 1.5
 _ROUGH_INSIDE = 1.5
 """Times the mean distance from the path that the mean second difference within a burst of noise is. Between an arc or a
 plateau (at most 1) and independent noise (2.4). Chosen by hand."""
+_LEAST_ALONE = 10.0
+"""Degrees that a path must leave by in one frame to be judged by what the other joints do not explain. Chosen on the
+takes at even places: smaller ones are noise that a few joints share."""
+_SHARE_ALONE = 0.5
+"""Share of what the other joints do not explain that the path leaves by at least: it must come back. Likewise."""
+_EXPLAINED = 0.6
+"""Score, of what the other joints do not explain, below which an excursion of one frame is a suspicion. Likewise."""
+_CERTAIN = 2.0
+"""Score from which on an excursion needs no second opinion: other joints may have the same fault. Likewise."""
 SUSPECTED = 0.7
 """Share of the threshold from which on an excursion is a suspicion. By hand, with the same takes."""
 LONGEST_SECONDS = 0.25
@@ -78,7 +89,63 @@ def find_excursions(signals: Signals, rate: float) -> list[Excursion]:
     for n in np.unique(length):
         same = length == n
         size[same], score[same] = _scored(paths, spans[same], int(n), usual, signals.part == "rotation")
-    return _chosen(spans, size, score)
+    if signals.part == "rotation":
+        return _chosen(*_with_others(signals, paths, np.minimum(forwards, backwards), usual, (spans, size, score)))
+    return _chosen(spans, size, score, np.zeros_like(length))
+
+
+def _with_others(
+    signals: Signals, paths: Floats, departed: Floats, usual: Floats, scored: tuple[Ints, Floats, Floats]
+) -> tuple[Ints, Floats, Floats, Ints]:
+    """Return spans (P, 3), sizes, scores and turns (P,) for ``_chosen``, with excursions of one frame judged by others.
+
+    scored: spans, sizes and scores of excursions. departed: (F + 2 ``_REACH``, S), as ``_departures`` returns it, the
+    lesser of both directions.
+    """
+    spans, size, score = scored
+    alone, alone_size = _alone(paths, departed, usual)
+    is_single = (spans[:, 2] - spans[:, 1] == 1) & _is_inside(spans, len(paths))
+    doubtful = np.flatnonzero(is_single & (score >= 1.0) & (score < _CERTAIN))
+    pop, among = _among_others(signals, np.concatenate([spans[doubtful], alone]))
+    explained = doubtful[among[: len(doubtful)] < _EXPLAINED]
+    pop, among = pop[len(doubtful) :], among[len(doubtful) :]
+    found = (among >= 1.0) & (alone_size >= _SHARE_ALONE * pop)
+    turn = np.zeros(len(spans), dtype=np.intp)
+    score[explained], turn[explained] = SUSPECTED, -1
+    return (
+        np.concatenate([spans, alone[found]]),
+        np.concatenate([size, alone_size[found]]),
+        np.concatenate([score, among[found]]),
+        np.concatenate([turn, np.ones(np.count_nonzero(found), dtype=np.intp)]),
+    )
+
+
+def _is_inside(spans: Ints, n_frames: int) -> Bools:
+    """Return which spans (P, 3) of one frame have four frames of the take on each side; n_frames: with the padding."""
+    return np.asarray((spans[:, 1] >= _REACH + 2 * _FEWEST) & (spans[:, 2] <= n_frames - _REACH - 2 * _FEWEST))
+
+
+def _alone(paths: Floats, departed: Floats, usual: Floats) -> tuple[Ints, Floats]:
+    """Return excursions of one frame that motion may explain, spans (P, 3) and sizes (P,), for ``_among_others``."""
+    frames, columns = np.nonzero(departed >= _LEAST_ALONE)
+    spans = np.column_stack([columns, frames, frames + 1])
+    spans = spans[_is_inside(spans, len(paths))]
+    size, score = _scored(paths, spans, 1, usual, True)
+    kept = (size >= _LEAST_ALONE) & (score < 1.0)
+    return spans[kept], size[kept]
+
+
+def _among_others(signals: Signals, spans: Ints) -> tuple[Floats, Floats]:
+    """Return the sizes and scores (P,) of excursions of one frame, of what the other joints do not explain.
+
+    The threshold is that of all excursions.
+    """
+    if not len(spans):
+        return np.empty(0), np.empty(0)
+    rest = unexplained(signals.paths)
+    pop, largest, median = np.array([fitted_pop(rest, signal, start - _REACH) for signal, start, _ in spans]).T
+    usual = usually_unexplained(rest, spans[:, 0])
+    return pop, pop / (LEAST + _USUAL * usual + _LARGEST * largest + _MEDIAN * median)
 
 
 def _padded(paths: Floats) -> Floats:
@@ -204,10 +271,14 @@ def _longer(window: Floats, n: int, off: Floats) -> Floats:
     return np.asarray(_SLOWING * (turn * (n + 1.0) / 2.0 + np.where(is_noise, 0.0, inside)))
 
 
-def _chosen(spans: Ints, size: Floats, score: Floats) -> list[Excursion]:
-    """Return the excursions among spans (P, 3) that score enough and do not touch: sure, short and clear ones first."""
+def _chosen(spans: Ints, size: Floats, score: Floats, turn: Ints) -> list[Excursion]:
+    """Return the excursions among spans (P, 3) that score enough and do not touch: sure, short and clear ones first.
+
+    turn: (P,), 0 for most. Those that the other joints explain come before all others (-1), so that no longer span
+    repairs their frames. Those that only the other joints show come after all others that are sure (1).
+    """
     found: dict[int, list[Excursion]] = {}
-    order = np.lexsort((spans[:, 1], -score, spans[:, 2] - spans[:, 1], score < 1.0))
+    order = np.lexsort((spans[:, 1], -score, spans[:, 2] - spans[:, 1], turn, score < 1.0, turn >= 0))
     for row in order[score[order] >= SUSPECTED]:
         signal, start, stop = int(spans[row, 0]), int(spans[row, 1]) - _REACH, int(spans[row, 2]) - _REACH
         others = found.setdefault(signal, [])
