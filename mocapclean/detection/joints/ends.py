@@ -7,7 +7,7 @@ the solver did not find.
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats, Ints, runs
+from mocapclean.arrays import Floats, Ints, runs
 from mocapclean.detection.joints.pops import REACH, SUSPECTED, Excursion, scored, usual_departures
 from mocapclean.detection.joints.signals import Signals
 
@@ -57,10 +57,10 @@ def _at_start(paths: Floats, is_rotation: bool, usual: Floats, longest: int) -> 
 
 
 def _zeros(paths: Floats) -> list[tuple[int, int, Ints]]:
-    """Return the spans of frames (start, stop) at the start of paths (F, S, 4) in which signals are zero, with these."""
+    """Return the spans (start, stop) at the start of paths (F, S, 4) in which signals are zero, each with its signal."""
     found = []
     for signal in range(paths.shape[1]):
-        zero: Bools = ~paths[:, signal].any(axis=1)
+        zero = np.asarray(~paths[:, signal].any(axis=1))
         if zero[0] and not zero.all():
             found.append((0, int(runs(zero)[0, 1]), np.array([signal])))
     return found
