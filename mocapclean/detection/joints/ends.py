@@ -57,7 +57,7 @@ def _at_start(paths: Floats, is_rotation: bool, usual: Floats, longest: int) -> 
 
 
 def _zeros(paths: Floats) -> list[tuple[int, int, Ints]]:
-    """Return the spans (start, stop) at the start of paths (F, S, 4) in which signals are zero, each with its signal."""
+    """Return the spans at the start of paths (F, S, 4) in which signals are zero: (start, stop, the signal)."""
     found = []
     for signal in range(paths.shape[1]):
         zero = np.asarray(~paths[:, signal].any(axis=1))
