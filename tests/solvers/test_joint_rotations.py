@@ -5,7 +5,7 @@ import pytest
 
 from mocapclean.geometry import joint_motion as jm
 from mocapclean.geometry.joint_motion import JointMotion
-from mocapclean.solvers.joints import JointAnswer, fill_joints
+from mocapclean.solvers.joints import JointAnswer, _Factors, fill_joints
 
 RATE = 60.0
 GAPS = ((0, 50, 55), (1, 100, 120), (2, 200, 201))
@@ -129,3 +129,16 @@ def test_bars_at_the_ends_of_a_take_hold(at_end):
         least.append(far / near)
     assert np.mean(inside) > 0.8
     assert min(least) > 1.5
+
+
+def test_fewer_windows_widen_the_bars_and_leave_the_factor(rng):
+    widenings, factors = [], []
+    for n_windows in (0, 1, 4, 60):
+        some = _Factors()
+        for _ in range(n_windows):
+            some.add(rng.normal(size=(400, 3)), np.ones(400))
+        widenings.append(some.widening(400))
+        factors.append(some.of(400))
+        assert some.widening(4000) == widenings[0]
+    assert widenings[0] == widenings[1] > widenings[2] > widenings[3] > 1.0
+    np.testing.assert_allclose(factors, 1.0, atol=0.1)

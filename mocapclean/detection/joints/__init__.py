@@ -10,8 +10,9 @@ from typing import Literal
 import numpy as np
 
 from mocapclean.arrays import Bools
+from mocapclean.detection.joints.ends import find_at_ends
 from mocapclean.detection.joints.holds import Hold, find_holds
-from mocapclean.detection.joints.pops import LEAST, Excursion, find_excursions
+from mocapclean.detection.joints.pops import LEAST, Excursion, find_excursions, longest_frames
 from mocapclean.detection.joints.signals import Part, Signals, rotation_signals, translation_signals
 from mocapclean.detection.joints.splices import Splice, find_splices
 from mocapclean.geometry.joint_motion import JointMotion
@@ -54,7 +55,7 @@ def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointF
     parts = [
         signals for signals in (rotation_signals(motion), translation_signals(skeleton, motion)) if len(signals.joints)
     ]
-    pops = [find_excursions(signals, rate) for signals in parts]
+    pops = _with_ends(parts, [find_excursions(signals, rate) for signals in parts], rate)
     # The same value in all frames of a pop is no hold: the path leaves it on both sides.
     holds = [
         [hold for hold in find_holds(signals) if not _overlaps(hold, excursions)]
@@ -69,6 +70,31 @@ def faults(skeleton: Skeleton, motion: JointMotion, rate: float) -> tuple[JointF
         splices += [(signals, splice) for splice in find_splices(signals, excused)]
     found += _reported_splices(splices)
     return tuple(sorted(found, key=lambda fault: (fault.kind, fault.joint, fault.part, fault.start)))
+
+
+def _with_ends(parts: list[Signals], pops: list[list[Excursion]], rate: float) -> list[list[Excursion]]:
+    """Return the excursions of all parts with those at the ends of the take; a sure one within it excludes these."""
+    ends = [find_at_ends(signals, longest_frames(rate)) for signals in parts]
+    for at_start in (True, False):
+        joints = {
+            int(signals.joints[one.signal])
+            for signals, own in zip(parts, ends, strict=True)
+            for one in own
+            if (one.start < _BESIDE) == at_start
+        }
+        if len(joints) > _TOGETHER:
+            ends = [[one for one in own if (one.start < _BESIDE) != at_start] for own in ends]
+    merged = []
+    for own, inside in zip(ends, pops, strict=True):
+        sure = [other for other in inside if other.score >= 1.0]
+        own = [one for one in own if not any(_touch(one, other) for other in sure)]
+        merged.append(own + [other for other in inside if not any(_touch(one, other) for one in own)])
+    return merged
+
+
+def _touch(one: Excursion, other: Excursion) -> bool:
+    """Whether two excursions of the same signal have no frame between them."""
+    return one.signal == other.signal and one.start <= other.stop and other.start <= one.stop
 
 
 def _overlaps(hold: Hold, excursions: list[Excursion]) -> bool:

@@ -35,6 +35,7 @@ from mocapclean.geometry.joint_motion import (
     times,
 )
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.joints.calming import calmed
 from mocapclean.solvers.joints.plain_path import Plain, plain_path
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
@@ -50,6 +51,9 @@ _LEAST_HIDDEN = 0.02
 """Share of the known samples that is hidden at least. By hand: twice that of the self-check, for takes with one gap."""
 _FACTORS = (0.5, 4.0)
 """Least and largest factor of the error bars. Chosen by hand."""
+_FEW = 2.0
+"""Share that a window's variance adds to that of an error bar, over the number of windows. Chosen on the takes at even
+places, at 24 to 30 Hz, where gaps of 60 frames have one to four windows."""
 _DEPENDENCE = 1.25
 """What weighed error bars are multiplied by, because both parts err alike. Chosen on half of the captures: 90 %."""
 _OPEN = 2.0
@@ -171,7 +175,10 @@ class _Charts:
             elif np.isfinite(sd[span]).all():
                 widened = _OPEN if start == 0 or stop == len(own) else 1.0
                 factor = widened * factors.of(stop - start)
-                answer[span], bars[span] = self._weighed(found[span], factor * sd[span], plain)
+                path, bar = self._weighed(found[span], factor * sd[span], plain)
+                own_path, own_known = self.rotations[:, column], self.right[:, column]
+                answer[span] = calmed(own_path, own_known, start, path, bar, plain.path)
+                bars[span] = factors.widening(stop - start) * bar
         whole, whole_sd = self.motion.rotations.copy(), np.full(wanted.shape, np.nan)
         whole[:, self.joints], whole_sd[:, self.joints] = answer, bars
         return whole, whole_sd
@@ -225,10 +232,18 @@ class _Factors:
 
     def of(self, length: int) -> float:
         """Return what the bars of a gap are multiplied by, so that 90 % of the errors of like windows are inside."""
-        like = [ratios for n, ratios in zip(self.lengths, self.ratios, strict=True) if length <= 2 * n <= 4 * length]
+        like = self._like(length)
         if not like:
             return 1.0
         return float(np.clip(np.quantile(np.concatenate(like), 0.9) / _INTERVAL_90, *_FACTORS))
+
+    def widening(self, length: int) -> float:
+        """Return what the bars of a gap are multiplied by, because few windows do not show their factor well."""
+        return float(np.sqrt(1.0 + _FEW / max(len(self._like(length)), 1)))
+
+    def _like(self, length: int) -> list[Floats]:
+        """Return the ratios of the windows of about the length of a gap."""
+        return [ratios for n, ratios in zip(self.lengths, self.ratios, strict=True) if length <= 2 * n <= 4 * length]
 
 
 def _translations(motion: JointMotion, names: tuple[str, ...], rate: float, wanted: Bools) -> tuple[Floats, Floats]:
