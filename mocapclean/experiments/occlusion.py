@@ -1,7 +1,8 @@
 """Gaps as cameras leave them, in real labelled markers: neighbours lost together, whole limbs, long losses at an end.
 
 This experiment is from no paper. Markers that are near each other are lost together, in clusters of 3, 5 and 8, at the
-end of the take, and by the masks of captures with natural gaps; beside them 10 markers anywhere. A case is a take, a
+end of the take, by the masks of captures with natural gaps, and where cameras around the take do not see past the body;
+beside them 10 markers anywhere. A case is a take, a
 pattern and a seed. Natural gaps of the take stay missing. Errors are over the hidden samples that a method fills.
 
 The takes of ``CHOSEN`` are for choosing constants, those of ``REPORTED`` and all others for reporting. The two halves
@@ -35,6 +36,7 @@ from mocapclean.experiments.markers import Labelled, SingleGaps
 from mocapclean.experiments.results import Figure, Results, Row, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, LossPattern, Request, Trial, TrialResult, grid, solve
 from mocapclean.geometry.distances import mean_distances
+from mocapclean.simulate import occlude_by_cameras
 from mocapclean.take import Take
 
 CHOSEN = (
@@ -87,6 +89,9 @@ _MOST_LOSS = 0.6  # the largest such share; chosen by hand
 _MASKED_PART = 3  # a mask is put on one of so many markers, but at least on as many markers
 NATURAL = "natural"
 """First word of the patterns that are masks of other captures."""
+
+CAMERAS = "cameras"
+"""First word of the patterns by ray casting."""
 
 ENTRIES = tuple(Entry(method=name) for name in (DEFAULT_METHOD, "pma", "pca"))
 MEASURES = (
@@ -176,12 +181,33 @@ class NaturalMask:
         return hidden & take.trusted
 
 
+@dataclass(frozen=True, kw_only=True)
+class CameraRing:
+    """What fewer than two of ``cameras`` around the take see past its body (``simulate.occlude_by_cameras``).
+
+    Markers that would be lost in more than 60 % of the frames are not hidden.
+    """
+
+    cameras: int
+
+    @property
+    def cell(self) -> dict[str, str]:
+        """Return the number of cameras."""
+        return {"pattern": f"{CAMERAS} {self.cameras}"}
+
+    def hidden(self, take: Take, seed: int) -> Bools:
+        """Return the trusted samples (F, M) that are hidden; the same for every method."""
+        lost = occlude_by_cameras(take, np.random.default_rng([seed, self.cameras]), self.cameras)
+        return np.asarray(lost & (lost.mean(axis=0) < _MOST_LOSS))
+
+
 PATTERNS: tuple[LossPattern, ...] = (
     Cluster(out=3, length=60),
     Cluster(out=5, length=120),
     Cluster(out=8, length=60),
     Cluster(out=3, length=120, at_end=True),
     SingleGaps(out=10, length=30),
+    *(CameraRing(cameras=n) for n in (6, 8, 12, 16)),
 )
 """The patterns of every take; sizes chosen by hand, up to a second and to a fifth of 41 markers."""
 

@@ -11,6 +11,11 @@ _CHUNK = 128  # frames whose distances are in memory at a time; chosen for speed
 _TINY = 1e-9  # mm², squared length below which a segment is a point; avoids a division by zero
 
 
+def _dot(first: Floats, second: Floats) -> Floats:
+    """Return the products of vectors along the last axis."""
+    return np.asarray(np.einsum("...c,...c->...", first, second))
+
+
 class Occluder(Protocol):
     """Something that blocks views."""
 
@@ -49,11 +54,11 @@ def _may_block(camera: Floats, points: Floats, ends: Floats, radii: Floats) -> B
     """Return whether the views from a camera to points (F, M, 3) meet the balls about capsules, (F, M, K)."""
     along, offset = points - camera, ends.mean(axis=2) - camera
     reach = radii + np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) / 2.0
-    squared_length = np.maximum(np.square(along).sum(axis=2), _TINY)[:, :, None]
+    squared_length = np.maximum(_dot(along, along), _TINY)[:, :, None]
     product = along @ offset.transpose(0, 2, 1)
     share = np.clip(product / squared_length, 0.0, 1.0)
     excess = share * (share * squared_length - 2.0 * product)
-    return np.asarray(excess < (np.square(reach) - np.square(offset).sum(axis=2))[:, None])
+    return np.asarray(excess < (np.square(reach) - _dot(offset, offset))[:, None])
 
 
 def segment_distances(start: Floats, stops: Floats, first: Floats, second: Floats) -> Floats:
@@ -63,23 +68,24 @@ def segment_distances(start: Floats, stops: Floats, first: Floats, second: Float
     2005, section 5.1.9.
     """
     along, axis, offset = stops - start, second - first, start - first
-    a, e = (np.maximum(np.square(vector).sum(axis=-1), _TINY) for vector in (along, axis))
-    b, c, f = ((u * v).sum(axis=-1) for u, v in ((along, axis), (along, offset), (axis, offset)))
+    a, e = np.maximum(_dot(along, along), _TINY), np.maximum(_dot(axis, axis), _TINY)
+    b, c, f = _dot(along, axis), _dot(along, offset), _dot(axis, offset)
     # s and t are the closest points as shares of the lengths; where t leaves its segment, s follows from t.
     s = np.clip((b * f - c * e) / np.maximum(a * e - b * b, _TINY), 0.0, 1.0)
     t = np.clip((b * s + f) / e, 0.0, 1.0)
     s = np.clip((b * t - c) / a, 0.0, 1.0)
-    return np.asarray(np.square(offset + s[..., None] * along - t[..., None] * axis).sum(axis=-1))
+    between = offset + s[..., None] * along - t[..., None] * axis
+    return _dot(between, between)
 
 
 def point_distances(points: Floats, first: Floats, second: Floats) -> Floats:
     """Return the squared distances (F, M, K), mm², of points (F, M, 3) from segments between two ends (F, K, 3)."""
     axis = second - first
-    squared_length = np.maximum(np.square(axis).sum(axis=2), _TINY)[:, None]
+    squared_length = np.maximum(_dot(axis, axis), _TINY)[:, None]
     offset = points[:, :, None] - first[:, None]
-    along = np.einsum("fmkc,fkc->fmk", offset, axis)
+    along = _dot(offset, axis[:, None])
     share = np.clip(along / squared_length, 0.0, 1.0)
-    return np.asarray(np.square(offset).sum(axis=3) + share * (share * squared_length - 2.0 * along))
+    return np.asarray(_dot(offset, offset) + share * (share * squared_length - 2.0 * along))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +117,7 @@ class Cylinder:
         enter, leave = _slab(offset @ axis, along @ axis, np.zeros(()), np.full((), length))
         # Across the axis: the roots of |offset + s along|² = radius²
         across, aside = along - (along @ axis)[..., None] * axis, offset - (offset @ axis) * axis
-        a = np.maximum(np.square(across).sum(axis=-1), _TINY)
+        a = np.maximum(_dot(across, across), _TINY)
         half, c = across @ aside, float(aside @ aside) - self.radius**2
         root = half**2 - a * c
         middle, reach = -half / a, np.sqrt(np.maximum(root, 0.0)) / a

@@ -6,6 +6,7 @@ markers behind it.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,13 +27,16 @@ _HEIGHTS = (700.0, 2800.0)  # mm, lowest and highest camera above the floor; cho
 _JITTER = 0.3  # of a camera's place on the ring, in distances between cameras; chosen by hand
 _LEAST_ANGLE = 20.0  # degrees, between two lines of sight (and from 180) that give a position; chosen by hand
 
+_HALF_FIELD = 23.0  # degrees, half the field of a camera; chosen by hand, a common lens has 46 by 56 degrees
+_AIM = 0.8  # of the volume's half size, the farthest from its centre that a camera looks; chosen by hand
+
 _DISTANCE_FRAMES = 200  # most frames of the distances between markers; chosen for speed
 _CHUNK = 64  # frames whose distances from capsules are in memory at a time; chosen for speed
-_RADII = (15.0, 60.0)  # mm, least and largest radius of a ball: a finger, a thigh; chosen by hand
-_RADIUS_SHARE = 0.4  # of the distance to the nearest marker, the radius of a ball; chosen by hand
+_RADII = (15.0, 80.0)  # mm, least and largest radius of a ball: a finger, a thigh; chosen by hand
+_RADIUS_SHARE = 0.5  # of the distance to the nearest marker, the radius of a ball; chosen by hand
 _SKIN = 0.9  # of the distance of the nearest marker from its axis, the radius of a capsule; chosen by hand
 _INWARD_SCALE = 200.0  # mm, distance over which markers lose weight in the centre that a marker faces away from
-_NEIGHBOURS = 4  # markers to which a marker's ball is joined; chosen by hand
+_NEIGHBOURS = 5  # markers to which a marker's ball is joined; chosen by hand
 _SPREAD = 0.2  # of a distance, the largest SD of joined markers; chosen by hand, hip and shoulder stay joined
 
 
@@ -51,8 +55,31 @@ def occlude_by_cameras(
     return take.trusted & ~seen(camera_ring(take, rng, n_cameras), take.positions, occluders)
 
 
-def camera_ring(take: Take, rng: np.random.Generator, n_cameras: int) -> Floats:
-    """Return the places (n, 3) of cameras in an ellipse around the volume of the trusted samples, mm."""
+@dataclass(frozen=True)
+class Cameras:
+    """The places (n, 3) of cameras, mm, and the unit vectors (n, 3) along which they look."""
+
+    places: Floats
+    axes: Floats
+
+    def views(self, points: Floats, occluders: Sequence[Occluder]) -> Bools:
+        """Return which of the points (F, M, 3) each camera sees in its field and past the occluders, (F, M, n)."""
+        rays = rays_of(self.places, points)
+        views = np.einsum("fmnc,nc->fmn", rays, self.axes) >= np.cos(np.radians(_HALF_FIELD))
+        for k, camera in enumerate(self.places):
+            for occluder in occluders:
+                views[:, :, k] &= ~occluder.blocks(camera, points)
+        return np.asarray(views)
+
+
+def rays_of(places: Floats, points: Floats) -> Floats:
+    """Return the unit vectors (F, M, n, 3) from cameras at ``places`` (n, 3) to points (F, M, 3)."""
+    rays = points[:, :, None] - places
+    return np.asarray(rays / np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1.0))
+
+
+def camera_ring(take: Take, rng: np.random.Generator, n_cameras: int) -> Cameras:
+    """Return cameras in an ellipse around the volume of the trusted samples; each looks at a place near its centre."""
     up = up_axis(take.positions, take.trusted)
     points = take.positions[take.trusted]
     low, high = points.min(axis=0), points.max(axis=0)
@@ -62,23 +89,19 @@ def camera_ring(take: Take, rng: np.random.Generator, n_cameras: int) -> Floats:
     places = np.empty((n_cameras, 3))
     places[:, across] = ((low + high) / 2)[across] + directions * ((high - low)[across] / 2 + _MARGIN)
     places[:, up] = low[up] + rng.uniform(*_HEIGHTS, n_cameras)
-    return places
+    axes = (low + high) / 2 + rng.uniform(-_AIM, _AIM, (n_cameras, 3)) * (high - low) / 2 - places
+    return Cameras(places, axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
-def seen(cameras: Floats, points: Floats, occluders: Sequence[Occluder]) -> Bools:
-    """Return whether at least two cameras (n, 3) at a useful angle see each of the points (F, M, 3), (F, M).
+def seen(cameras: Cameras, points: Floats, occluders: Sequence[Occluder]) -> Bools:
+    """Return whether at least two cameras at a useful angle see each of the points (F, M, 3), (F, M).
 
     A useful angle is between 20 and 160 degrees: it gives a position.
     """
-    views = np.ones((*points.shape[:2], len(cameras)), dtype=bool)
-    for k, camera in enumerate(cameras):
-        for occluder in occluders:
-            views[:, :, k] &= ~occluder.blocks(camera, points)
-    rays = points[:, :, None] - cameras
-    rays = rays / np.maximum(np.linalg.norm(rays, axis=-1, keepdims=True), 1.0)
+    views, rays = cameras.views(points, occluders), rays_of(cameras.places, points)
     most = np.cos(np.radians(_LEAST_ANGLE))
     found = np.zeros(points.shape[:2], dtype=bool)
-    for k in range(1, len(cameras)):
+    for k in range(1, len(cameras.places)):
         useful = np.abs(np.einsum("fmnc,fmc->fmn", rays[:, :, :k], rays[:, :, k])) <= most
         found |= views[:, :, k] & (views[:, :, :k] & useful).any(axis=2)
     return found
@@ -103,7 +126,7 @@ def body_of(take: Take) -> Capsules:
 
 
 def _inward(take: Take, mean: Floats) -> Floats:
-    """Return unit vectors (F, M, 3) from each marker towards the centre of the markers about it; near ones count most."""
+    """Return unit vectors (F, M, 3) from each marker to the centre of those about it, in which near ones count most."""
     weights = np.exp(-mean / _INWARD_SCALE)
     known = take.trusted.astype(np.float64)
     total = known @ weights.T
@@ -115,7 +138,7 @@ def _inward(take: Take, mean: Floats) -> Floats:
 
 
 def _joined(mean: Floats, deviation: Floats) -> Ints:
-    """Return the pairs (K, 2) of markers whose balls are joined: near ones whose distance varies little, and themselves."""
+    """Return the pairs (K, 2) of joined balls: each with itself, and near ones whose distance varies little."""
     near = np.argsort(mean, axis=1, kind="stable")[:, :_NEIGHBOURS]
     linked = np.eye(len(mean), dtype=bool)
     for marker, others in enumerate(near):
