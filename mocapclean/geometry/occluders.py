@@ -127,11 +127,10 @@ class Cylinder:
 
 
 def _slab(start: Floats, along: Floats, low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Return the shares of lines at which they enter and leave a slab between two planes; enter > leave if never."""
+    """Return the shares of lines at which they enter and leave a slab between two planes; enter > leave if never.
+
+    They are infinite for a line parallel to the planes, and NaN for one in a plane, which no comparison finds inside.
+    """
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (low - start) / along, (high - start) / along
-    inside = (low <= start) & (start <= high)
-    parallel = along == 0.0
-    enter = np.where(parallel, np.where(inside, -np.inf, np.inf), np.minimum(one, other))
-    leave = np.where(parallel, np.where(inside, np.inf, -np.inf), np.maximum(one, other))
-    return enter, leave
+    return np.minimum(one, other), np.maximum(one, other)
