@@ -27,16 +27,19 @@ _HEIGHTS = (700.0, 2800.0)  # mm, lowest and highest camera above the floor; cho
 _JITTER = 0.3  # of a camera's place on the ring, in distances between cameras; chosen by hand
 _LEAST_ANGLE = 20.0  # degrees, between two lines of sight (and from 180) that give a position; chosen by hand
 
-_HALF_FIELD = 23.0  # degrees, half the field of a camera; chosen by hand, a common lens has 46 by 56 degrees
+# Chosen on the first half of the takes of `bench occlusion`: with the whole extent and 23 degrees less is lost at the
+# ends of a take, and fewer neighbours together, than in captures. benchmarks/gap_statistics.py has the figures.
+_VOLUME = 0.6  # of the take's extent, the part around which the cameras stand and at which they look
+_HALF_FIELD = 20.0  # degrees, half the field of a camera
 _AIM = 0.8  # of the volume's half size, the farthest from its centre that a camera looks; chosen by hand
 
 _DISTANCE_FRAMES = 200  # most frames of the distances between markers; chosen for speed
 _CHUNK = 64  # frames whose distances from capsules are in memory at a time; chosen for speed
-_RADII = (15.0, 80.0)  # mm, least and largest radius of a ball: a finger, a thigh; chosen by hand
-_RADIUS_SHARE = 0.5  # of the distance to the nearest marker, the radius of a ball; chosen by hand
+_RADII = (15.0, 60.0)  # mm, least and largest radius of a ball: a finger, a thigh; chosen by hand
+_RADIUS_SHARE = 0.4  # of the distance to the nearest marker, the radius of a ball; chosen by hand
 _SKIN = 0.9  # of the distance of the nearest marker from its axis, the radius of a capsule; chosen by hand
 _INWARD_SCALE = 200.0  # mm, distance over which markers lose weight in the centre that a marker faces away from
-_NEIGHBOURS = 5  # markers to which a marker's ball is joined; chosen by hand
+_NEIGHBOURS = 4  # markers to which a marker's ball is joined; chosen by hand
 _SPREAD = 0.2  # of a distance, the largest SD of joined markers; chosen by hand, hip and shoulder stay joined
 
 
@@ -45,8 +48,8 @@ def occlude_by_cameras(
 ) -> Bools:
     """Return missing samples (F, M): those that fewer than two of ``n_cameras`` see past the body and the props.
 
-    The cameras stand in a ring around the volume. Only trusted positions are read, and a sample without one is not
-    missing here. Raises UsageError unless there are 2 to 64 cameras.
+    The cameras stand in a ring around the middle of the take's volume, and each has a limited field. Only trusted
+    positions are read, and a sample without one is not missing here. Raises UsageError unless there are 2 to 64 cameras.
     """
     require_whole("The number of cameras", n_cameras, FEWEST_CAMERAS, MOST_CAMERAS)
     if not take.trusted.any():
@@ -79,17 +82,18 @@ def rays_of(places: Floats, points: Floats) -> Floats:
 
 
 def camera_ring(take: Take, rng: np.random.Generator, n_cameras: int) -> Cameras:
-    """Return cameras in an ellipse around the volume of the trusted samples; each looks at a place near its centre."""
+    """Return cameras in an ellipse around the middle of the trusted samples, each of which looks into it."""
     up = up_axis(take.positions, take.trusted)
     points = take.positions[take.trusted]
     low, high = points.min(axis=0), points.max(axis=0)
+    half = _VOLUME * (high - low) / 2
     across = [axis for axis in range(3) if axis != up]
     turns = rng.random() + (np.arange(n_cameras) + rng.uniform(-_JITTER, _JITTER, n_cameras)) / n_cameras
     directions = np.stack([np.cos(2 * np.pi * turns), np.sin(2 * np.pi * turns)], axis=1)
     places = np.empty((n_cameras, 3))
-    places[:, across] = ((low + high) / 2)[across] + directions * ((high - low)[across] / 2 + _MARGIN)
+    places[:, across] = ((low + high) / 2)[across] + directions * (half[across] + _MARGIN)
     places[:, up] = low[up] + rng.uniform(*_HEIGHTS, n_cameras)
-    axes = (low + high) / 2 + rng.uniform(-_AIM, _AIM, (n_cameras, 3)) * (high - low) / 2 - places
+    axes = (low + high) / 2 + rng.uniform(-_AIM, _AIM, (n_cameras, 3)) * half - places
     return Cameras(places, axes / np.linalg.norm(axes, axis=1, keepdims=True))
 
 
