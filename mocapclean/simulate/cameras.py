@@ -49,7 +49,8 @@ def occlude_by_cameras(
     """Return missing samples (F, M): those that fewer than two of ``n_cameras`` see past the body and the props.
 
     The cameras stand in a ring around the middle of the take's volume, and each has a limited field. Only trusted
-    positions are read, and a sample without one is not missing here. Raises UsageError unless there are 2 to 64 cameras.
+    positions are read, and a sample without one is not missing here. Raises UsageError unless there are 2 to 64
+    cameras.
     """
     require_whole("The number of cameras", n_cameras, FEWEST_CAMERAS, MOST_CAMERAS)
     if not take.trusted.any():
