@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from mocapclean.experiments import occlusion
-from mocapclean.experiments.occlusion import Cluster, NaturalMask
+from mocapclean.experiments.occlusion import CameraRing, Cluster, NaturalMask
 from mocapclean.experiments.results import Results, Row
 from mocapclean.experiments.trials import Capture, Entry
 from mocapclean.formats import c3d
-from mocapclean.simulate import hide, perform
+from mocapclean.simulate import hide, occlude_by_cameras, perform
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution
 from tests import commands
@@ -62,6 +62,15 @@ def test_samples_that_are_missing_in_the_take_are_not_hidden(walk):
     trusted[::3] = False
     for pattern in occlusion.PATTERNS:
         assert not (pattern.hidden(replace(walk, trusted=trusted), 0) & ~trusted).any()
+
+
+def test_what_cameras_hardly_ever_see_is_not_hidden(walk):
+    lost = occlude_by_cameras(walk, np.random.default_rng([3, 6]), 6)
+    hidden = CameraRing(cameras=6).hidden(walk, 3)
+    often = lost.mean(axis=0) >= occlusion._MOST_LOSS
+    assert often.any()
+    assert lost.any(axis=0)[~often].any()
+    np.testing.assert_array_equal(hidden, lost & ~often)
 
 
 def test_what_a_capture_loses_together_is_lost_together_by_neighbours(walk, gappy):
