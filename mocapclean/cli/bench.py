@@ -15,6 +15,10 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 @click.option("--folder", type=FILE, help="Folder in which FILES are names; without FILES, of the paper's takes.")
 @click.option("--quick", is_flag=True, help="Fewer losses, methods and frames: about a minute.")
 @click.option("--seeds", type=click.IntRange(min=1), help="Repetitions with other losses (default: 3; 1 with --quick).")
+@click.option("--frames", type=click.IntRange(min=1), help="Use only the first frames of each take, at most this many.")
+@click.option(
+    "--mask-from", multiple=True, type=FILE, help="Capture with natural gaps to put into the takes; for occlusion."
+)
 @click.option("--methods", multiple=True, metavar="NAME", help="Only these methods; also others than the paper's.")
 @click.option("--set", "assignments", multiple=True, metavar="METHOD.KEY=VALUE", help="Set a parameter of a method.")
 @click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")

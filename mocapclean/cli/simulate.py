@@ -15,7 +15,22 @@ from mocapclean.units import MILLIMETRES
 @click.option("--motion", multiple=True, type=click.Choice(list(MOTIONS)), help="Simulate this motion (default: all).")
 @click.option("--seconds", type=float, default=10.0, show_default=True, help="Length of each take.")
 @click.option("--rate", type=float, default=120.0, show_default=True, help="Frames per second.")
-@click.option("--missing", type=float, default=0.05, show_default=True, help="Share of marker samples to hide.")
+@click.option(
+    "--occlusion",
+    type=click.Choice(["random", "cameras"]),
+    default="random",
+    show_default=True,
+    help="Hide marker samples in random gaps, or those that simulated cameras do not see past the body.",
+)
+@click.option("--missing", type=float, help="Share of marker samples to hide in random gaps (default: 0.05).")
+@click.option("--cameras", type=int, help="Number of cameras around the figure (default: 8).")
+@click.option(
+    "--prop",
+    "props",
+    multiple=True,
+    metavar="KIND:NUMBERS",
+    help="Thing that hides markers from the cameras, in mm: box:x,y,z,x,y,z, cylinder:x,y,z,x,y,z,r or capsule:...",
+)
 @click.option("--faults", metavar="KIND,...", help=f"Add faults to the markers: all, or some of {', '.join(FAULTS)}.")
 @click.option(
     "--fault-rate", type=float, default=1.0, show_default=True, help="Events of each kind per 10,000 samples."

@@ -12,15 +12,13 @@ import numpy as np
 from mocapclean.arrays import Bools, column_runs
 from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.evaluation import metrics
+from mocapclean.experiments.cases import CLASSES
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
 from mocapclean.simulate import occlude
 from mocapclean.take import Take
 
-_LIMITS = metrics.LENGTH_CLASSES
-# Names of the classes of gap length, frames; the limits are those of the reports.
-CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, strict=False)), f"over {_LIMITS[-1]}")
 GROUPS = ("inside", *CLASSES, "at ends")
 MEASURES = (*(f"rmse {name}" for name in GROUPS), "rmse_3d", "largest", "left", "share", "seconds")
 QUICK_FRAMES = 600

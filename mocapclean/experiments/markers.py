@@ -10,7 +10,7 @@ Takes of a folder are run if they have enough labelled markers, frames and motio
 every second take is for choosing constants, the others are for reporting. Computed points are left out by the reader.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
@@ -22,26 +22,33 @@ from mocapclean.config.settings import DEFAULT_METHOD, Grades
 from mocapclean.errors import MocapcleanError
 from mocapclean.evaluation import metrics
 from mocapclean.evaluation.metrics import GRADES
+from mocapclean.experiments.cases import (
+    CALIBRATION_MEASURES,
+    HALF_NAMES,
+    Half,
+    by_half,
+    calibration,
+    calibration_tables,
+    error_figure,
+    pairs_of,
+    share,
+)
 from mocapclean.experiments.experiment import Experiment
-from mocapclean.experiments.results import Curve, Figure, Panel, Results, Row, Table, geometric_mean, number
+from mocapclean.experiments.results import Figure, Results, Table, geometric_mean, number
 from mocapclean.experiments.trials import Capture, Entry, Request, Trial, TrialResult, grid, solve
 from mocapclean.simulate import single_gaps
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.take import Take
 
-_LIMITS = metrics.LENGTH_CLASSES
-# Names of the classes of gap length, frames; the limits are those of the reports.
-CLASSES = (*(f"{low + 1}-{high}" for low, high in zip((0, *_LIMITS), _LIMITS, strict=False)), f"over {_LIMITS[-1]}")
 MEASURES = (
     *("hidden", "left", "rmse", "rmse_3d", "largest", "gap_3d_median", "gap_3d_90", "seconds"),
-    *(f"{what} {name}" for name in CLASSES for what in ("coordinates", "covered")),
+    *CALIBRATION_MEASURES,
 )
 QUICK_FRAMES = 600
 """First frames of a take that --quick keeps; chosen by hand."""
 
 METHODS = ("linear", "spline", "kalman", "pca", "pma", DEFAULT_METHOD)
 ENTRIES = tuple(Entry(method=name) for name in dict.fromkeys(METHODS))
-HALF_NAMES = ("chosen on", "reported on")
 
 # The limits below were chosen by hand; no sweep was kept.
 HARM = 2.0  # mm; a case that is worse than the better interpolation by more counts as harmed
@@ -232,12 +239,8 @@ def run(capture: Capture, entry: Entry, pattern: Pattern, seed: int) -> TrialRes
     }
     if solution.sd is None:
         return measures, {}
-    inside = np.abs(errors) <= metrics.INTERVAL_90 * solution.sd[..., None]
     lengths = [len(range(*gap[0].indices(len(hidden)))) for gap in gaps]
-    for name, members in metrics.by_length(lengths):
-        covered = [inside[gaps[k]][filled[gaps[k]]] for k in members]
-        measures[f"coordinates {name}"] = sum(c.size for c in covered)
-        measures[f"covered {name}"] = sum(int(c.sum()) for c in covered)
+    measures |= calibration(errors, solution.sd, filled, ~truth.trusted | hidden)
     expected = [metrics.expected_error(solution.sd[gap][filled[gap]]) for gap in gaps]
     series = {"frames": lengths, "error": gap_errors, "expected": expected}
     return measures, {name: np.array(values, dtype=np.float64) for name, values in series.items()}
@@ -254,50 +257,14 @@ def _rms_3d(errors: Floats) -> float:
     return float(np.sqrt((errors**2).sum(axis=-1).mean()))
 
 
-Case = tuple[str, str, int]
-"""A take, a pattern and a seed."""
-
 _MAIN = tuple(pattern.cell["pattern"] for pattern in MAIN)
 _SHORT = tuple(pattern.cell["pattern"] for pattern in SHORT)
 
 
-@dataclass(frozen=True)
-class Half:
-    """The rows of one half of the takes, by method and case."""
-
-    name: str
-    rows: Mapping[str, Mapping[Case, Row]]
-
-    def errors(self, label: str, patterns: Sequence[str]) -> dict[Case, float]:
-        """Return the RMSE of a method in each case of these patterns that it has filled."""
-        rows = self.rows.get(label, {})
-        return {case: row.values["rmse"] for case, row in rows.items() if case[1] in patterns and "rmse" in row.values}
-
-    def best(self, labels: Sequence[str], patterns: Sequence[str]) -> dict[Case, float]:
-        """Return the least RMSE of these methods in each case."""
-        least: dict[Case, float] = {}
-        for label in labels:
-            for case, error in self.errors(label, patterns).items():
-                least[case] = min(error, least.get(case, np.inf))
-        return least
-
-
-def _by_half(results: Results) -> list[Half]:
-    """Return the rows of both halves; a half without rows is left out."""
-    both = []
-    for name, takes in halves(results.takes).items():
-        rows: dict[str, dict[Case, Row]] = {label: {} for label in results.labels}
-        for row in results.rows:
-            if row.take in takes:
-                rows[row.label][row.take, row.cell["pattern"], row.seed] = row
-        both.append(Half(name, {label: cases for label, cases in rows.items() if cases}))
-    return [half for half in both if half.rows]
-
-
 def tables(results: Results) -> list[Table]:
     """Return tables of errors, ratios to the default, harm, calibration and grades, each for both halves."""
-    both = _by_half(results)
-    return [_errors(both), _ratios(both), _harm(both), _calibration(both), _grades(both)]
+    both = by_half(results, halves(results.takes))
+    return [_errors(both), _ratios(both), _harm(both), *calibration_tables(both), _grades(both)]
 
 
 def _errors(both: Sequence[Half]) -> Table:
@@ -329,10 +296,10 @@ def _ratios(both: Sequence[Half]) -> Table:
         for name, labels in rivals if DEFAULT_METHOD in half.rows else ():
             cells = []
             for group in groups:
-                pairs = _pairs(half.errors(DEFAULT_METHOD, group), half.best(labels, group))
+                pairs = pairs_of(half.errors(DEFAULT_METHOD, group), half.best(labels, group))
                 cells.append(number(geometric_mean(ours / theirs for ours, theirs in pairs if ours and theirs)))
             lost = [ours > theirs + LOSS for ours, theirs in pairs]
-            rows.append((half.name, name, str(len(pairs)), *cells, _share(sum(lost), len(lost))))
+            rows.append((half.name, name, str(len(pairs)), *cells, share(sum(lost), len(lost))))
     return Table(
         title=f"{DEFAULT_METHOD} against others: geometric mean of the ratio of errors; lost: by more than {LOSS:g} mm",
         header=("half", "other", "cases", *_MAIN, "all three", "lost"),
@@ -350,43 +317,14 @@ def _harm(both: Sequence[Half]) -> Table:
                 continue
             cells = []
             for group in (_MAIN, _SHORT):
-                pairs = _pairs(half.errors(label, group), half.best(interpolations, group))
+                pairs = pairs_of(half.errors(label, group), half.best(interpolations, group))
                 excess = [ours - theirs for ours, theirs in pairs]
                 worse = sum(e > HARM for e in excess)
-                cells += [str(len(pairs)), _share(worse, len(pairs)), number(max(0.0, *excess) if excess else None)]
+                cells += [str(len(pairs)), share(worse, len(pairs)), number(max(0.0, *excess) if excess else None)]
             rows.append((half.name, label, *cells))
     return Table(
         title=f"Harm: cases more than {HARM:g} mm worse than the better of linear and spline, and the worst of all, mm",
         header=("half", "method", "cases", "worse", "most", "short cases", "worse", "most"),
-        rows=tuple(rows),
-    )
-
-
-def _pairs(ours: Mapping[Case, float], theirs: Mapping[Case, float]) -> list[tuple[float, float]]:
-    """Return the errors of two methods in each case that both have."""
-    return [(error, theirs[case]) for case, error in ours.items() if case in theirs]
-
-
-def _share(count: int, of: int) -> str:
-    """Return a share as text in percent; "-" of nothing."""
-    return f"{100 * count / of:.1f} %" if of else "-"
-
-
-def _calibration(both: Sequence[Half]) -> Table:
-    """Return the table of shares of coordinates inside the 90 % intervals."""
-    rows = []
-    for half in both:
-        for label, cases in half.rows.items():
-            total, covered = (
-                [int(sum(row.values.get(f"{what} {name}", 0) for row in cases.values())) for name in CLASSES]
-                for what in ("coordinates", "covered")
-            )
-            if any(total):
-                cells = [_share(*pair) for pair in zip(covered, total, strict=True)]
-                rows.append((half.name, label, *cells, _share(sum(covered), sum(total)), str(sum(total))))
-    return Table(
-        title=f"Coordinates within {metrics.INTERVAL_90:g} sd (90 % if expected errors are right), by frames of a gap",
-        header=("half", "method", *CLASSES, "all", "coordinates"),
         rows=tuple(rows),
     )
 
@@ -409,7 +347,7 @@ def _grades(both: Sequence[Half]) -> Table:
                     str(graded.sum()),
                     number(median),
                     number(upper),
-                    _share((graded & is_short).sum(), is_short.sum()),
+                    share((graded & is_short).sum(), is_short.sum()),
                 )
                 rows.append((half.name, label, name, *row))
     return Table(
@@ -421,18 +359,7 @@ def _grades(both: Sequence[Half]) -> Table:
 
 def figures(results: Results) -> list[Figure]:
     """Return the figure of the cumulative share of cases over their error, for each main pattern."""
-    panels = []
-    for pattern in _MAIN:
-        curves = []
-        for label in results.labels:
-            rows = results.where(label=label, pattern=pattern).rows
-            errors = sorted(row.values["rmse"] for row in rows if "rmse" in row.values)
-            share = (np.arange(len(errors)) + 1.0) / max(len(errors), 1)
-            curves.append(Curve(label=label, x=errors, y=share))
-        panels.append(
-            Panel(title=pattern, x_label="RMSE, mm", y_label="share of cases", curves=tuple(curves), log_x=True)
-        )
-    return [Figure(name="markers_errors", title="Cumulative share of cases over their error", panels=tuple(panels))]
+    return [error_figure(results, "markers_errors", _MAIN)]
 
 
 EXPERIMENT = Experiment(

@@ -9,5 +9,5 @@ if TYPE_CHECKING:
 
 EXPERIMENTS: "Modules[ExperimentModule]" = Modules(
     "mocapclean.experiments",
-    ("tan2015", "hu2017", "imamura2018", "wang2016", "markers", "compare", "trust", "harm", "skeletons"),
+    ("tan2015", "hu2017", "imamura2018", "wang2016", "markers", "compare", "occlusion", "trust", "harm", "skeletons"),
 )

@@ -58,6 +58,10 @@ class Capture:
         except OSError as error:
             raise FormatError(self.path, f"cannot be read: {error.strerror or error}.") from None
 
+    def shortened(self, n_frames: int) -> "Capture":
+        """Return the capture with only its first ``n_frames``, or with fewer where it is already that short."""
+        return replace(self, n_frames=min(n_frames, self.n_frames or n_frames))
+
     @cached_property
     def take(self) -> Take:
         """Return the take in the file, or its first frames, as markers: the papers judge positions."""
@@ -101,7 +105,7 @@ class Request:
 
     methods: empty for the experiment's own methods. changes: parameters by method. n_seeds: repetitions with other
     random losses. quick: fewer and shorter trials. folder: further captures, for training. dictionary: for the methods
-    in ``LEARNERS``.
+    in ``LEARNERS``. masks: captures whose natural gaps are put into the others.
     """
 
     captures: tuple[Capture, ...] = ()
@@ -111,16 +115,17 @@ class Request:
     quick: bool = False
     folder: tuple[Capture, ...] = ()
     dictionary: Dictionary | None = None
+    masks: tuple[Capture, ...] = ()
 
     def shortened(self, n_frames: int) -> "Request":
         """Return the same request; if it is ``quick``, with only the first ``n_frames`` of each capture."""
-        short = tuple(replace(capture, n_frames=n_frames) for capture in self.captures)
+        short = tuple(capture.shortened(n_frames) for capture in self.captures)
         return replace(self, captures=short) if self.quick else self
 
     def cropped(self, n_frames: int, reason_to_skip: Callable[[Capture], str]) -> tuple[list[Capture], list[str]]:
         """Return the captures with only their first frames, and the names of those left out with the reason."""
         captures, left_out = [], []
-        for capture in (replace(each, n_frames=n_frames) for each in self.captures):
+        for capture in (each.shortened(n_frames) for each in self.captures):
             reason = reason_to_skip(capture)
             if reason:
                 left_out.append(f"{capture.path.name} ({reason})")

@@ -6,13 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from mocapclean import formats
-from mocapclean.arrays import Bools, Floats, evenly_spaced
+from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.distances import rigidity
+from mocapclean.geometry.upright import up_axis
 from mocapclean.take import Event, Take
 from mocapclean.take.status import Codes, supplied
 
-_UP_FRAMES = 100  # most frames from which the vertical axis is found; chosen by hand
-_FLOOR = 0.1  # how far the lowest marker is from the floor at most, as a part of the lesser spread; chosen by hand
 _CUSTOM = 2.0  # how much more the y axis of a skeleton counts; chosen by hand, for dancers who lie or bend
 _NEIGHBOURS = 4  # most neighbours of a marker in a picture; chosen by hand, so that they can be read
 
@@ -58,24 +57,10 @@ class View:
     def up_axis(self) -> int:
         """Return the axis that is most likely vertical, 1 or 2; no file format states the vertical of its samples.
 
-        The lowest marker stands near the origin of the vertical, which is the floor. Where both axes or none are so, it
-        is the one along which the markers spread farther: a body is taller than wide in most frames. Skeletons have
-        their y axis up by custom.
+        Skeletons have their y axis up by custom.
         """
-        frames = evenly_spaced(len(self.codes), _UP_FRAMES)
-        known = self.before.trusted[frames, :, None]
-        positions = self.before.positions[frames]
-        low = np.where(known, positions, np.inf).min(axis=1)
-        spread = np.where(known, positions, -np.inf).max(axis=1) - low
-        seen = np.isfinite(spread).all(axis=1)
-        if not seen.any():
-            return 2
-        floor, size = np.median(low[seen], axis=0), np.median(spread[seen], axis=0)
-        size[1] *= _CUSTOM if self.poses is not None else 1.0
-        on_floor = np.abs(floor) <= _FLOOR * size[1:].min()
-        if on_floor[1] != on_floor[2]:
-            size *= on_floor
-        return 1 if size[1] > size[2] else 2
+        weight = _CUSTOM if self.poses is not None else 1.0
+        return up_axis(self.before.positions, self.before.trusted, weight)
 
 
 Keep = Callable[[View], object]

@@ -346,6 +346,8 @@ def test_markers_counts_gaps_and_what_intervals_hold(capture, monkeypatch):
     assert measures["covered 1-10"] == 20
     assert measures["coordinates 31-60"] == 120
     assert measures["covered 31-60"] == 120 - 36
+    assert measures["squared 1-10"] == pytest.approx(10 * 25.0)
+    assert measures["expected 31-60"] == pytest.approx(40 * 3 * 4.0)
     np.testing.assert_array_equal(series["frames"], [10, 40])
     np.testing.assert_allclose(series["error"], [5.0, (np.linspace(0.0, 39.0, 40) ** 2).mean() ** 0.5])
     np.testing.assert_allclose(series["expected"], 3**0.5 * 2.0)
@@ -370,7 +372,7 @@ def test_markers_sets_the_default_beside_the_best_other_of_each_case(monkeypatch
     rows = []
     for take, (best, other, line) in {"a": (1.0, 4.0, 2.0), "b": (9.0, 9.0, 9.0), "c": (6.0, 1.5, 3.0)}.items():
         rows += [marker_row(take, "pma", best), marker_row(take, "pca", other), marker_row(take, "linear", line)]
-    errors, ratios, harm, _, _ = markers.tables(Results(tuple(rows)))
+    errors, ratios, harm, *_ = markers.tables(Results(tuple(rows)))
     assert ("chosen on", "pma", "2", "3.50 / 5.50", "-", "-", "3.50 / 5.50", "-", "-", "-") in errors.rows
     assert ("reported on", "pca", "1", "1.00", "-", "-", "1.00", "0.0 %") in ratios.rows
     assert ("chosen on", "best of them", "2", "1.41", "-", "-", "1.41", "50.0 %") in ratios.rows
@@ -457,6 +459,8 @@ def test_a_shortened_capture_has_another_key(capture):
     assert len(short.take.trusted) == 60
     assert short.digest != capture.digest
     assert Request(captures=(capture,)).shortened(60).captures == (capture,)
+    assert short.shortened(100) == short
+    assert short.shortened(50).digest != short.digest
 
 
 def test_synthetic_matrices_are_separated():
@@ -477,7 +481,7 @@ def test_printed_tables_are_whole():
     assert len(published("tan2015_table2")) == 8 * 4
     assert {row["take"] for row in rows} == set(EXPERIMENTS["tan2015"].EXPERIMENT.sequences)
     assert len(published("hu2017_seconds")) == 6
-    of_no_paper = ("compare", "markers", "trust", "harm", "skeletons")
+    of_no_paper = ("compare", "markers", "occlusion", "trust", "harm", "skeletons")
     assert all(statements(name) for name in EXPERIMENTS if name not in of_no_paper)
 
 

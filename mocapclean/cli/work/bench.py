@@ -34,6 +34,8 @@ def work(
     folder: Path | None,
     quick: bool,
     seeds: int | None,
+    frames: int | None,
+    mask_from: tuple[Path, ...],
     methods: tuple[str, ...],
     assignments: tuple[str, ...],
     dictionary: Path | None,
@@ -48,16 +50,20 @@ def work(
     chosen = EXPERIMENTS[experiment].EXPERIMENT
     unit = unit or (None if chosen.infers_unit else "cm")
     options = ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres(unit) if unit else None)
+    in_folder = _folder(folder, options) if folder else []
+    if mask_from and not chosen.gappy:
+        raise UsageError(f"--mask-from must be left out: {experiment} hides no natural gaps of other captures.")
     request = Request(
-        captures=_captures(files, folder, chosen, options),
+        captures=_shortened(_captures(files, in_folder, chosen, options), frames),
         methods=tuple(name.strip() for part in methods for name in part.split(",") if name.strip()),
         changes=_changes(assignments),
         n_seeds=seeds or (1 if quick else 3),
         quick=quick,
-        folder=tuple(_folder(folder, options)) if folder else (),
+        folder=_shortened(in_folder, frames),
         dictionary=load(dictionary) if dictionary else None,
+        masks=_masks(mask_from, in_folder, chosen, options),
     )
-    notes, trials = _notes(chosen, request), chosen.trials(request)
+    notes, trials = _notes(chosen, request, frames), chosen.trials(request)
     store = Store(out_dir, experiment, chosen.measures, overwrite)
     n_failed = _run(trials, store)
     results = store.results(trials)
@@ -70,12 +76,13 @@ def work(
     return int(n_failed > 0)
 
 
-def _notes(chosen: Experiment, request: Request) -> list[str]:
-    """Return the lines above the tables: seeds, --quick, and the experiment's own notes."""
+def _notes(chosen: Experiment, request: Request, n_frames: int | None) -> list[str]:
+    """Return the lines above the tables: seeds, --frames, --quick, and the experiment's own notes."""
     seeds = f"{request.n_seeds} seed{'s' if request.n_seeds > 1 else ''}"
+    cut = f", at most {n_frames} frames of each take" if n_frames else ""
     frames = f", the first {chosen.quick_frames} frames of each take" if chosen.quick_frames else ""
     quick = f", quick: fewer losses{frames}" if request.quick else ""
-    return [f"{seeds}{quick}", *chosen.notes(request)]
+    return [f"{seeds}{cut}{quick}", *chosen.notes(request)]
 
 
 def _run(trials: Sequence[Trial], store: Store) -> int:
@@ -118,14 +125,13 @@ def _folder(folder: Path, options: ReadOptions) -> list[Capture]:
 
 
 def _captures(
-    files: tuple[Path, ...], folder: Path | None, chosen: Experiment, options: ReadOptions
-) -> tuple[Capture, ...]:
+    files: tuple[Path, ...], in_folder: Sequence[Capture], chosen: Experiment, options: ReadOptions
+) -> list[Capture]:
     """Return the named takes; without names, the paper's takes in the folder, or all takes if it has none of them."""
-    in_folder = _folder(folder, options) if folder else []
     if files:
         captures = [_named(path, in_folder, options) for path in files]
     else:
-        captures = [capture for capture in in_folder if capture.name in chosen.sequences] or in_folder
+        captures = [capture for capture in in_folder if capture.name in chosen.sequences] or [*in_folder]
     if not captures and chosen.needs_captures:
         raise UsageError("the experiment needs takes. Name files, or give a --folder.")
     names = [capture.name for capture in captures]
@@ -134,7 +140,20 @@ def _captures(
             raise UsageError(
                 f"{name}: the takes of a run must have different names. Got this name {names.count(name)} times."
             )
-    return tuple(captures)
+    return captures
+
+
+def _shortened(captures: Sequence[Capture], n_frames: int | None) -> tuple[Capture, ...]:
+    """Return the captures, with only their first frames if a number is given."""
+    return tuple(capture.shortened(n_frames) if n_frames else capture for capture in captures)
+
+
+def _masks(
+    files: tuple[Path, ...], in_folder: Sequence[Capture], chosen: Experiment, options: ReadOptions
+) -> tuple[Capture, ...]:
+    """Return the named captures with natural gaps; without names, those of the experiment in the folder."""
+    named = [_named(path, in_folder, options) for path in files]
+    return tuple(named or [capture for capture in in_folder if capture.name in chosen.gappy])
 
 
 def _named(path: Path, in_folder: Sequence[Capture], options: ReadOptions) -> Capture:
