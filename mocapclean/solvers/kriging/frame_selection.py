@@ -32,8 +32,8 @@ MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced fro
 
 def spread_out(candidates: Ints, most: int, min_distance: int) -> Ints:
     """Return up to ``most`` of the sorted candidates, evenly chosen, each at least ``min_distance`` after the last."""
-    if not len(candidates):
-        return candidates
+    if not len(candidates) or most < 1:
+        return candidates[:0]
     picked = candidates[np.unique(np.round(np.linspace(0, len(candidates) - 1, most)).astype(np.intp))]
     if min_distance <= 1:
         return np.asarray(picked)
@@ -108,7 +108,7 @@ def window_starts(
     wanted, shortest = length, length // SHORTEST_ALIKE if alike else 1
     starts = np.zeros(0, dtype=np.intp)
     while n_windows and length >= max(shortest, 1):
-        starts = _starts_of_length(known, missing_share, length, n_windows, edges, alike)
+        starts = starts_of_length(known, missing_share, length, n_windows, edges, alike)
         if len(starts) >= MIN_WINDOWS:
             break
         length //= 2
@@ -117,7 +117,7 @@ def window_starts(
     return starts, max(length, 1)
 
 
-def _starts_of_length(
+def starts_of_length(
     known: Bools,
     missing_share: Floats,
     length: int,

@@ -19,6 +19,7 @@ from mocapclean.solvers.kriging.hinge import find_ends
 from mocapclean.solvers.kriging.predictors import PREDICTORS
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
+from mocapclean.solvers.kriging.session_frames import FEWEST, training_of_session, windows_with_session
 from mocapclean.solvers.kriging.stacking import combine, window_errors_ratio
 from mocapclean.solvers.kriging.take_state import TakeState
 
@@ -164,12 +165,20 @@ class GapSegment:
         # Windows are bridged from the same sides as the gap.
         length, most = self.stop - self.start, state.params.windows
         chosen = alike if resembling else None
-        starts, length = window_starts(self.known, missing_share, length, most, self.edges, chosen)
+        starts, length = windows_with_session(self.known, missing_share, length, most, self.edges, state.n_own, chosen)
         inside, adjacent = window_offsets(length, state.rate, self.edges[0] > 0, self.edges[1] > 0)
         # Adjacent frames beyond the take are clipped to it and counted as unknown.
         unclipped = starts[:, None] + np.append(inside, adjacent)
         windows = np.clip(unclipped, 0, n_frames - 1)
-        training, self.incomplete_training = training_frames(self.known, missing_share, state.params.learnt)
+        own = slice(0, state.n_own)
+        training, self.incomplete_training = training_frames(self.known[own], missing_share[own], state.params.learnt)
+        if state.n_own < n_frames:
+            usable = self.known & (missing_share <= 0.0)
+            least = max(state.params.learnt - len(training), int(FEWEST * state.params.learnt))
+            others = training_of_session(
+                state.positions[:, self.neighbours], usable, np.arange(self.start, self.stop), state.n_own, least,
+                state.rate)
+            training = np.append(training, others)
         return SamplingPlan(
             training=training,
             windows=windows,

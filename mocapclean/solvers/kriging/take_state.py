@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics import interpolation
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.bones import Bones
@@ -15,6 +16,7 @@ from mocapclean.solvers.kriging.own_path import OwnPath
 from mocapclean.solvers.kriging.rest import Rest
 from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_gaps
 from mocapclean.take import Solution, Take
+from mocapclean.take.session import Session
 
 if TYPE_CHECKING:
     from mocapclean.solvers.kriging import Params
@@ -38,8 +40,9 @@ class TakeState:
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
         self.bridge_weights, self.own_path = BridgeWeights(take.rate), OwnPath(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
+        self.n_own = len(take.trusted)
         self.distances = NeighbourDistances.measured(
-            interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None
+            *_with_session(take, interpolated), params.rigidity, n_own=self.n_own, exact=take.skeleton is not None
         )
         self.bones = Bones.of_take(take, params.bone_spread, self.distances)
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
@@ -54,6 +57,19 @@ class TakeState:
             self.sd = np.where(self.begun, begun.sd if begun.sd is not None else np.nan, self.sd)
         self.missing = np.asarray(~(self.known | self.begun), dtype=float)
         self._rest_of: dict[int, Rest] = {}
+        if take.session:
+            self._append(take.session)
+
+    def _append(self, session: Session) -> None:
+        """Append the frames of a session, which are learnt from and not filled."""
+        nowhere = np.zeros_like(session.trusted)
+        positions = interpolation.linear(session.positions, session.trusted)
+        self.positions = np.concatenate([self.positions, positions])
+        self.sd = np.concatenate([self.sd, np.full(nowhere.shape, np.nan)])
+        self.trusted = np.concatenate([self.trusted, session.trusted])
+        self.known = np.concatenate([self.known, session.trusted])
+        self.begun = np.concatenate([self.begun, nowhere])
+        self.missing = np.concatenate([self.missing, np.asarray(~session.trusted, dtype=float)])
 
     def rest(self, marker: int) -> Rest:
         """Return how a marker moves beside stretches of the take, from its known samples."""
@@ -62,3 +78,13 @@ class TakeState:
                 self.positions[:, marker], self.known[:, marker], self.rate, self.params.rigidity
             )
         return self._rest_of[marker]
+
+
+def _with_session(take: Take, positions: Floats) -> tuple[Floats, Bools]:
+    """Return the positions (F, M, 3) and trust of a take, followed by those of its session."""
+    if not take.session:
+        return positions, take.trusted
+    return (
+        np.concatenate([positions, take.session.positions]),
+        np.concatenate([take.trusted, take.session.trusted]),
+    )
