@@ -11,6 +11,7 @@ from mocapclean.solvers.kriging.frame_selection import (
     MIN_TRAINING,
     REFERENCE_RATE,
     adjacent_frames,
+    session_frames,
     training_frames,
     window_offsets,
     window_starts,
@@ -19,7 +20,6 @@ from mocapclean.solvers.kriging.hinge import find_ends
 from mocapclean.solvers.kriging.predictors import PREDICTORS
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
-from mocapclean.solvers.kriging.session_frames import FEWEST, training_of_session, windows_with_session
 from mocapclean.solvers.kriging.stacking import combine, window_errors_ratio
 from mocapclean.solvers.kriging.take_state import TakeState
 
@@ -165,20 +165,12 @@ class GapSegment:
         # Windows are bridged from the same sides as the gap.
         length, most = self.stop - self.start, state.params.windows
         chosen = alike if resembling else None
-        starts, length = windows_with_session(self.known, missing_share, length, most, self.edges, state.n_own, chosen)
+        starts, length = window_starts(self.known, missing_share, length, most, self.edges, state.n_own, chosen)
         inside, adjacent = window_offsets(length, state.rate, self.edges[0] > 0, self.edges[1] > 0)
         # Adjacent frames beyond the take are clipped to it and counted as unknown.
         unclipped = starts[:, None] + np.append(inside, adjacent)
         windows = np.clip(unclipped, 0, n_frames - 1)
-        own = slice(0, state.n_own)
-        training, self.incomplete_training = training_frames(self.known[own], missing_share[own], state.params.learnt)
-        if state.n_own < n_frames:
-            usable = self.known & (missing_share <= 0.0)
-            least = max(state.params.learnt - len(training), int(FEWEST * state.params.learnt))
-            others = training_of_session(
-                state.positions[:, self.neighbours], usable, np.arange(self.start, self.stop), state.n_own, least,
-                state.rate)
-            training = np.append(training, others)
+        training = self._training(missing_share)
         return SamplingPlan(
             training=training,
             windows=windows,
@@ -188,6 +180,13 @@ class GapSegment:
             gap_adjacent=np.append(self.before[::-1], self.after),
             gap=np.arange(self.start, self.stop),
         )
+
+    def _training(self, missing_share: Floats) -> Ints:
+        """Return the frames to learn from: those of the take, then those of its session that the take lacks."""
+        n_own, most = self.state.n_own, self.state.params.learnt
+        training, self.incomplete_training = training_frames(self.known[:n_own], missing_share[:n_own], most)
+        complete = self.known[n_own:] & (missing_share[n_own:] <= 0.0)
+        return np.append(training, n_own + session_frames(complete, len(training), most))
 
     def _missing_share(self) -> Floats:
         """Return the share (F,) of the neighbours, by weight, that is missing in each frame of the take."""

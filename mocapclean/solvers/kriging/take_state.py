@@ -27,6 +27,7 @@ LONGEST_SHORT_GAP = 1.0 / 24.0  # s, gaps up to it are bridged over time; chosen
 class TakeState:
     """The state of a take while its gaps are filled; at first only short gaps are filled.
 
+    F are the ``n_own`` frames of the take, then those of its session, of which none is filled.
     positions: (F, M, 3) mm, trusted, filled, or interpolated linearly where not yet filled.
     sd: (F, M) mm per coordinate, NaN where nothing is filled.
     known: (F, M) whether a sample is trusted or in a bridged short gap.
@@ -38,9 +39,9 @@ class TakeState:
     def __init__(self, take: Take, params: "Params", begun: Solution | None = None) -> None:
         """Take the samples of a take, and of a solution of it that was found with more of them trusted."""
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
+        self.n_own = len(take.trusted)
         self.bridge_weights, self.own_path = BridgeWeights(take.rate), OwnPath(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
-        self.n_own = len(take.trusted)
         self.distances = NeighbourDistances.measured(
             *_with_session(take, interpolated), params.rigidity, n_own=self.n_own, exact=take.skeleton is not None
         )
