@@ -239,6 +239,12 @@ def _size(gap: GapReport) -> str:
     return f"{_mm(gap.expected)}{degrees}"
 
 
+def _learnt_from(outcome: Outcome) -> Iterable[str]:
+    for k, each in enumerate(outcome.learnt_from):
+        moved = f", but for {', '.join(each.moved)}, placed elsewhere there" if each.moved else ""
+        yield _line("" if k else "learnt", f"also from {each.path} (SHA-256 {each.sha256}){moved}")
+
+
 def _accuracy(outcome: Outcome) -> Iterable[str]:
     if outcome.reference is None:
         return

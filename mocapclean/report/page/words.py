@@ -55,6 +55,12 @@ def _filled(row: Mapping[str, Any], counts: Mapping[str, int]) -> list[str]:
     return sentences
 
 
+def _learnt_from(row: Mapping[str, Any]) -> list[str]:
+    learnt = row.get("learnt_from") or []
+    names = ", ".join(f"{each['source']} (SHA-256 {each['sha256']})" for each in learnt)
+    return [f"The method also learnt from other takes of the subject: {names}."] if learnt else []
+
+
 def _errors(row: Mapping[str, Any]) -> list[str]:
     sentences = []
     total = (row.get("self_check") or {}).get("total") or {}

@@ -44,7 +44,14 @@ REFERENCE = (
 )
 
 
-TRAITS = Traits(error_bars=True, gap_by_gap=True, self_checked=True, turns_joints=True, idle_facts={"passes": 0})
+TRAITS = Traits(
+    error_bars=True,
+    gap_by_gap=True,
+    self_checked=True,
+    learns_from_session=True,
+    turns_joints=True,
+    idle_facts={"passes": 0},
+)
 
 
 @parameters
