@@ -29,6 +29,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         *_left(outcome),
         *_expected(outcome),
         *_self_check(outcome),
+        *_learnt_from(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
         *_contacts(outcome),

@@ -52,6 +52,10 @@ class Session:
             trusted=np.concatenate([s.trusted for s in joined]),
         )
 
+    def after(self, positions: Floats, trusted: Bools) -> tuple[Floats, Bools]:
+        """Return the positions (F, M, 3) and the trust (F, M) of a take, followed by those of the session."""
+        return np.concatenate([positions, self.positions]), np.concatenate([trusted, self.trusted])
+
     def select(self, columns: Ints) -> "Session":
         """Return the session of these markers alone, by column."""
         return Session(positions=self.positions[:, columns], trusted=self.trusted[:, columns])

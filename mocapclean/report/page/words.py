@@ -19,7 +19,9 @@ def methods_paragraph(row: Mapping[str, Any]) -> str:
     counts = row.get("counts")
     if not counts or row.get("status") not in ("repaired", "unchanged"):
         return ""
-    return " ".join([_untrusted(row, counts), *_filled(row, counts), *_errors(row), *_bones(row, counts)])
+    return " ".join(
+        [_untrusted(row, counts), *_filled(row, counts), *_learnt_from(row), *_errors(row), *_bones(row, counts)]
+    )
 
 
 def _untrusted(row: Mapping[str, Any], counts: Mapping[str, int]) -> str:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mocapclean.arrays import Bools, Floats
 from mocapclean.numerics import interpolation
 from mocapclean.solvers.fillable import enclosed
 from mocapclean.solvers.kriging.bones import Bones
@@ -42,8 +41,12 @@ class TakeState:
         self.n_own = len(take.trusted)
         self.bridge_weights, self.own_path = BridgeWeights(take.rate), OwnPath(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
+        own = interpolated, take.trusted
         self.distances = NeighbourDistances.measured(
-            *_with_session(take, interpolated), params.rigidity, n_own=self.n_own, exact=take.skeleton is not None
+            *(take.session.after(*own) if take.session else own),
+            params.rigidity,
+            n_own=self.n_own,
+            exact=take.skeleton is not None,
         )
         self.bones = Bones.of_take(take, params.bone_spread, self.distances)
         self.known = take.trusted | in_short_gaps(take.trusted, max(1, round(LONGEST_SHORT_GAP * take.rate)))
@@ -79,13 +82,3 @@ class TakeState:
                 self.positions[:, marker], self.known[:, marker], self.rate, self.params.rigidity
             )
         return self._rest_of[marker]
-
-
-def _with_session(take: Take, positions: Floats) -> tuple[Floats, Bools]:
-    """Return the positions (F, M, 3) and trust of a take, followed by those of its session."""
-    if not take.session:
-        return positions, take.trusted
-    return (
-        np.concatenate([positions, take.session.positions]),
-        np.concatenate([take.trusted, take.session.trusted]),
-    )
