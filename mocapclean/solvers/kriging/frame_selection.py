@@ -29,10 +29,10 @@ SHORTEST_ALIKE = 4  # part of a gap's length, the shortest windows that are soug
 WINDOW_SPACING = 0.3  # of the window length, the least distance between the first frames of two windows
 MIN_WINDOW_SPACING = 5  # frames, the same where windows are short
 SESSION_SHARE = 2
-"""Frames of the session that are learnt from for each frame that the take lacks, up to the number of the take's limit.
+"""Frames of the session that are learnt from for each frame that the take lacks, up to the limit of the take's own.
 
-Of 24 clusters in takes of 300 frames (`docs/design.md`) the error was 0.84 and 0.63 of that without a session, with 1
-frame 0.86 and 0.64, with 4 frames 0.85 and 0.63. A fixed number made takes of 1,500 frames worse.
+Chosen on half of the takes of ``benchmarks/session.py``: 1 and 4 had errors larger by up to 2 %. A fixed number made
+takes of 1,500 frames worse.
 """
 MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced from ten to save time
 
