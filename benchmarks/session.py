@@ -6,8 +6,8 @@ A marker and its nearest ones are hidden together: 3 for 60 frames or 5 for 120,
 to a quarter of its length earlier or later. The session is the rest of the take, but for 60 frames on both sides. Takes
 in which the median marker moves less than 10 mm are left out. Prints for each method, pattern and take, and over all
 takes: the median RMSE per coordinate without and with the session in mm, the geometric mean and the largest of the
-ratios, the share of cases with a ratio above 1.25, the share of coordinates in the 90 % interval, and seconds of a fill.
-Errors below 0.03 mm count as equal.
+ratios, the share of cases with a ratio above 1.25, the share of coordinates in the 90 % interval, and seconds of
+a fill. Errors below 0.03 mm count as equal.
 """
 
 import os

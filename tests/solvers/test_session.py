@@ -12,17 +12,21 @@ from mocapclean.take import Take
 from mocapclean.take.session import MOST_SECONDS, PAUSE, Session, Stretch
 
 RATE = 120.0
+NOISE = 0.05  # mm
 LEARNING = [name for name, module in SOLVERS.items() if module.TRAITS.learns_from_session]
 
 
-def motion(n_frames: int, first: int = 0, noise: float = 0.05) -> np.ndarray:
-    """(F, 12, 3) mm: two segments of six markers on a hinge whose angle repeats only after a long time."""
+def motion(n_frames: int, first: int = 0, swing: np.ndarray | float = 1.0) -> np.ndarray:
+    """(F, 12, 3) mm: two segments of six markers on a hinge whose angle repeats only after a long time.
+
+    swing: (F,) the share of the angle that is turned.
+    """
     rng = np.random.default_rng(3)
     local = rng.normal(size=(2, 6, 3)) * 90
     t = (first + np.arange(n_frames)) / RATE
     place = np.stack([400 * np.sin(0.5 * t), 300 * np.cos(0.4 * t), 900 + 20 * np.sin(5 * t)], axis=1)
     parts = []
-    for segment, angle in enumerate((0.5 * np.sin(0.31 * t), 1.2 * np.sin(1.9 * t) + 0.6 * np.sin(0.7 * t))):
+    for segment, angle in enumerate((0.5 * np.sin(0.31 * t), swing * (1.2 * np.sin(1.9 * t) + 0.9))):
         cos, sin = np.cos(angle), np.sin(angle)
         turned = np.stack(
             [
@@ -35,7 +39,7 @@ def motion(n_frames: int, first: int = 0, noise: float = 0.05) -> np.ndarray:
         parts.append(place[:, None] + turned)
         place = place + np.stack([250 * cos, 250 * sin, -100 + 0 * t], axis=1)
     positions = np.concatenate(parts, axis=1)
-    return positions + noise * np.random.default_rng(first).normal(size=positions.shape)
+    return positions + NOISE * np.random.default_rng(first).normal(size=positions.shape)
 
 
 def take_of(positions: np.ndarray) -> Take:
@@ -48,10 +52,11 @@ def stretch_of(positions: np.ndarray) -> Stretch:
 
 
 def short_take() -> tuple[Take, np.ndarray]:
-    """A take of 300 frames whose markers 6 to 9 are lost together, and the samples lost."""
+    """A take of 300 frames that turns its hinge only while markers 6 to 10 are lost together, and the samples lost."""
     hidden = np.zeros((300, 12), dtype=bool)
-    hidden[120:200, 6:10] = True
-    return take_of(motion(300)), hidden
+    hidden[120:200, 6:11] = True
+    swing = np.exp(-np.square((np.arange(300) - 160.0) / 20.0))
+    return take_of(motion(300, swing=swing)), hidden
 
 
 def solved(method: str, take: Take):
@@ -64,14 +69,13 @@ def assert_same(one, other):
     assert (one.sd is None and other.sd is None) or np.array_equal(one.sd, other.sd)
 
 
-@pytest.mark.parametrize("method", LEARNING)
-def test_a_session_without_a_trusted_sample_is_none(method):
+def test_a_session_without_a_trusted_sample_is_none():
     nothing = Stretch(np.zeros((400, 12, 3)), np.zeros((400, 12), dtype=bool))
     assert Session.of([nothing], RATE) is None
     assert Session.of([], RATE) is None
 
 
-@pytest.mark.parametrize("method", LEARNING)
+@pytest.mark.parametrize("method", ["kriging", "pca"])
 def test_a_short_take_is_filled_better_from_its_session(method):
     take, hidden = short_take()
     broken = hide(take, hidden)
@@ -79,10 +83,19 @@ def test_a_short_take_is_filled_better_from_its_session(method):
     errors = []
     for each in (None, session):
         solution = solved(method, replace(broken, session=each))
-        assert solution.filled.shape == hidden.shape
-        assert solution.filled[hidden].all() and not solution.filled[~hidden].any()
+        assert np.array_equal(solution.filled, hidden)
         errors.append(np.sqrt(np.square(solution.positions - take.positions)[hidden].mean()))
-    assert errors[1] < errors[0]
+    assert errors[1] < 0.5 * errors[0]
+
+
+def test_pma_reads_the_session():
+    # Its error in this gap is as large with the same frames in one long take, so that no gain can be asked for here.
+    take, hidden = short_take()
+    broken = hide(take, hidden)
+    session = Session.of([stretch_of(motion(1500, first=4000))], RATE)
+    alone, learnt = (solved("pma", replace(broken, session=each)) for each in (None, session))
+    assert np.array_equal(learnt.filled, hidden)
+    assert not np.array_equal(alone.positions, learnt.positions)
 
 
 @pytest.mark.parametrize("method", LEARNING)
