@@ -189,5 +189,5 @@ def test_a_resumed_run_repeats_takes_whose_teachers_have_changed(takes):
     Path("teacher.c3d").write_bytes(trial(9))
     code, out, _ = run(*words)
     assert code == 0
-    assert "before" not in out
+    assert "done before" not in out
     assert Path("clean/one.c3d").read_bytes() != before
