@@ -19,6 +19,7 @@ from mocapclean.formats import companion
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.repair import repair
+from mocapclean.pipeline.session import load_session
 from mocapclean.pipeline.view import View
 from mocapclean.report import record
 from mocapclean.report.text import summary
@@ -68,9 +69,14 @@ class FinishedTake:
 
 @dataclass(frozen=True)
 class Repair:
-    """Work of a pool that repairs takes with these settings."""
+    """Work of a pool that repairs takes with these settings.
+
+    session: the file of the takes to learn from, which each process reads once, or None. session_sha256: their hashes.
+    """
 
     settings: Settings
+    session: Path | None = None
+    session_sha256: tuple[str, ...] = ()
 
     def __call__(self, job: RepairJob) -> FinishedTake:
         """Repair one take, unless its output exists and was made of the same input, settings and version."""
@@ -85,7 +91,9 @@ class Repair:
             settings = settings.but(overwrite=True)
             _discard_parts(job)
         views: list[View] = []
-        outcome = repair(job.source, job.output, settings, job.sidecar, views.append if job.page else None)
+        session = load_session(self.session) if self.session else ()
+        keep = views.append if job.page else None
+        outcome = repair(job.source, job.output, settings, job.sidecar, keep, session)
         if source_sha256 and outcome.source_sha256 not in ("", source_sha256):
             job.output.unlink(missing_ok=True)
             outcome = failed_outcome(job, "the input changed while it was read. Try again.")
@@ -117,6 +125,7 @@ class Repair:
         values: dict[str, Any] = {"version": __version__, **self.settings.identity}
         try:
             source_sha256 = digest(source)
+            values["learn_from"] = sorted({*self.session_sha256} - {source_sha256})
             beside = None if self.settings.skeleton else companion(source)
             files = {"input": source, "beside": beside, **dict(self.settings)}
             for name, path in files.items():

@@ -16,6 +16,12 @@ from mocapclean.cli.stages import stages_shown
 @click.option("--overwrite/--no-overwrite", default=None, help="Replace existing outputs.")
 @click.option("--method", help="How to fill: a name from 'mocapclean methods', or auto to choose for each take.")
 @click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")
+@click.option(
+    "--learn-from",
+    type=FILE,
+    multiple=True,
+    help="Learn also from other takes of the same subject: a file or a folder; repeatable (kriging, pca, pma).",
+)
 @click.option("--max-gap", type=int, metavar="FRAMES", help="Leave longer gaps unfilled.")
 @click.option(
     "--replace",

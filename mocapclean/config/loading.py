@@ -43,6 +43,9 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
         for key in _PATH_KEYS:
             if isinstance(values.get(key), str):
                 values[key] = path.parent / values[key]
+        if isinstance(values.get("learn_from"), list):
+            listed = values["learn_from"]
+            values["learn_from"] = [path.parent / each if isinstance(each, str) else each for each in listed]
     values.update(options)
     for assignment in assignments:
         _assign(values, assignment)
@@ -96,6 +99,9 @@ def _contradictions(settings: Settings) -> Iterator[str]:
         bars = ", ".join(name for name, module in SOLVERS.items() if module.TRAITS.error_bars)
         got = ", ".join(methods)
         yield f"max_error must go with a method that gives error bars: {bars}. Got {got}."
+    if settings.learn_from and not any(SOLVERS[name].TRAITS.learns_from_session for name in methods):
+        learning = ", ".join(name for name, module in SOLVERS.items() if module.TRAITS.learns_from_session)
+        yield f"learn_from must go with a method that learns from other takes: {learning}. Got {', '.join(methods)}."
     if not settings.auto.methods:
         yield "auto.methods must name at least one method. Got none."
     if settings.method == "auto" and not settings.checks_itself:

@@ -163,6 +163,8 @@ class Settings:
     """Markers to ignore: neither repaired nor used."""
     invalidate: bool = False
     """Mark distrusted samples that stay unfilled as missing (C3D)."""
+    learn_from: tuple[Path, ...] = ()
+    """Other takes of the same subject to learn from: files or folders (kriging, pca, pma)."""
     reference: Path | None = None
     """The true take, for the RMSE."""
     output: Path | None = None
@@ -227,7 +229,8 @@ class Settings:
 
     def absolute(self) -> "Settings":
         """Return the same settings with absolute paths, for a machine that shares the storage."""
-        return self.but(**{name: Path(os.path.abspath(value)) for name, value in self if isinstance(value, Path)})
+        single = {name: Path(os.path.abspath(value)) for name, value in self if isinstance(value, Path)}
+        return self.but(**single, learn_from=tuple(Path(os.path.abspath(path)) for path in self.learn_from))
 
     @property
     def unit_mm(self) -> float | None:

@@ -105,6 +105,18 @@ class Counts:
 
 
 @dataclass(frozen=True, kw_only=True)
+class LearntFrom:
+    """A file that a take was learnt from, with its hash.
+
+    moved: markers that it did not teach, because they were placed elsewhere there.
+    """
+
+    path: Path
+    sha256: str
+    moved: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
 class Outcome:
     """What happened to one take: everything that a report shows, so that a report computes nothing.
 
@@ -141,6 +153,7 @@ class Outcome:
     contacts_broken: tuple[tuple[str, int, int], ...] | None = None
     solution: Mapping[str, Any] = field(default_factory=dict)
     reference: Path | None = None
+    learnt_from: tuple[LearntFrom, ...] = ()
     accuracy: Error | None = None
     accuracy_by_marker: Mapping[str, Error] = field(default_factory=dict)
     accuracy_by_length: Mapping[str, Error] = field(default_factory=dict)

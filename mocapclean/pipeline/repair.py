@@ -24,6 +24,7 @@ from mocapclean.pipeline.filling import merge
 from mocapclean.pipeline.inspection import digest
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import Prepared, matching, prepare, read_reference
+from mocapclean.pipeline.session import SessionTake, with_session
 from mocapclean.pipeline.summary import Turns, summarise, with_accuracy
 from mocapclean.pipeline.view import Keep, view
 from mocapclean.solvers import SOLVERS
@@ -35,15 +36,21 @@ _WRITER_REASONS = {"fit": Status.NO_POSE, "write": Status.STORED_AS_MISSING}
 
 
 def repair(
-    source: Path, output: Path, settings: Settings, arrays: Path | None = None, keep: Keep | None = None
+    source: Path,
+    output: Path,
+    settings: Settings,
+    arrays: Path | None = None,
+    keep: Keep | None = None,
+    session: Sequence[SessionTake] = (),
 ) -> Outcome:
     """Repair one file into another. Whatever goes wrong with this take is an Outcome, not an exception.
 
     arrays: where the sidecar goes, or None for no sidecar. keep: called with the view of the repaired take.
+    session: takes that it is learnt from as well.
     """
     started = perf_counter()
     try:
-        outcome = _repair(source, output, settings, arrays, keep)
+        outcome = _repair(source, output, settings, arrays, keep, session)
     except MocapcleanError as error:
         outcome = Outcome(source=source, status="failed", error=str(error), exit_code=error.exit_code)
     except MemoryError:
@@ -52,10 +59,18 @@ def repair(
     return replace(outcome, seconds=perf_counter() - started)
 
 
-def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None, keep: Keep | None) -> Outcome:
+def _repair(
+    source: Path,
+    output: Path,
+    settings: Settings,
+    arrays: Path | None,
+    keep: Keep | None,
+    session: Sequence[SessionTake],
+) -> Outcome:
     check_output(output, source, settings.overwrite)
     prepared = prepare(source, settings)
-    selected = prepared.selected
+    source_sha256 = digest(source)
+    selected, learnt_from = with_session(prepared.selected, source, source_sha256, session)
     truth = read_reference(selected, settings)
     library = load(settings.dictionary) if settings.dictionary else None
     codes = detected(selected)
@@ -101,7 +116,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
             output=output,
             sidecar=arrays,
             format=prepared.format,
-            source_sha256=digest(source),
+            source_sha256=source_sha256,
             output_sha256=digest(output),
             method=settings.method,
             choice=choice,
@@ -110,6 +125,7 @@ def _repair(source: Path, output: Path, settings: Settings, arrays: Path | None,
             solution=_facts(solution),
             self_check=checked,
             reference=settings.reference,
+            learnt_from=learnt_from,
         )
 
 

@@ -14,7 +14,7 @@ from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-SCHEMA = 4  # version of the schema, raised with every change of the report
+SCHEMA = 5  # version of the schema, raised with every change of the report
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
 _COUNTS = ("samples", "untrusted", "filled", "replaced", "left", "suspicious")
@@ -154,6 +154,10 @@ def row(outcome: Outcome) -> dict[str, Any]:
             "by_marker": plain(outcome.accuracy_by_marker),
             "by_gap_length": plain(outcome.accuracy_by_length),
         },
+        "learnt_from": [
+            {"source": str(each.path), "sha256": each.sha256, "moved_markers": list(each.moved)}
+            for each in outcome.learnt_from
+        ],
         "self_check": plain(outcome.self_check),
         "outdated_points": list(outcome.outdated),
         "contacts_broken": None

@@ -29,6 +29,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
         *_left(outcome),
         *_expected(outcome),
         *_self_check(outcome),
+        *_learnt_from(outcome),
         *_accuracy(outcome),
         *_stored(outcome),
         *_contacts(outcome),
@@ -237,6 +238,12 @@ def _size(gap: GapReport) -> str:
     """Return the expected error of a gap, of a joint with its degrees."""
     degrees = f" ({gap.expected_degrees:.1f} degrees)" if gap.expected_degrees is not None else ""
     return f"{_mm(gap.expected)}{degrees}"
+
+
+def _learnt_from(outcome: Outcome) -> Iterable[str]:
+    for k, each in enumerate(outcome.learnt_from):
+        moved = f", but for {', '.join(each.moved)}, placed elsewhere there" if each.moved else ""
+        yield _line("" if k else "learnt", f"also from {each.path} (SHA-256 {each.sha256}){moved}")
 
 
 def _accuracy(outcome: Outcome) -> Iterable[str]:

@@ -36,6 +36,9 @@ class Traits:
     self_checked: bool = False
     """Whether ``self_check: auto`` measures its error on hidden samples."""
 
+    learns_from_session: bool = False
+    """Whether it learns from the session of a take, ``Take.session``."""
+
     turns_joints: bool = False
     """Whether it fills the rotations of joints themselves; else their positions, to which poses are then fitted."""
 

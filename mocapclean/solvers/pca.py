@@ -48,7 +48,7 @@ REFERENCE = (
     "intercorrelations, doi:10.1371/journal.pone.0152616"
 )
 
-TRAITS = Traits()
+TRAITS = Traits(learns_from_session=True)
 
 # No sweep of these was kept.
 _FEWEST_HELPERS = 3  # markers, for a near set of helpers, and for strategy R1
@@ -87,7 +87,7 @@ class Params:
 def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     """Return the take with every enclosed gap filled, and the gaps at the ends that have enough helpers."""
     travelling = TravellingTake(take)
-    local, filled, facts = fill_local(travelling.local, travelling.trusted, params)
+    local, filled, facts = fill_local(travelling.local, travelling.trusted, travelling.n_own, params)
     positions, answered = travelling.to_world(local, filled)
     return Solution(positions=positions, filled=answered, facts=facts)
 
@@ -101,15 +101,19 @@ class LostBlock:
     frames: Ints
 
 
-def fill_local(local: Floats, trusted: Bools, params: Params) -> tuple[Floats, Bools, dict[str, float | int | str]]:
-    """Return positions (F, M, 3) about a travelling point with gaps filled, the filled samples (F, M), and the facts.
+def fill_local(
+    local: Floats, trusted: Bools, n_own: int, params: Params
+) -> tuple[Floats, Bools, dict[str, float | int | str]]:
+    """Return positions (n, M, 3) about a travelling point with gaps filled, the filled samples (n, M), and the facts.
 
-    In every frame and for every marker some sample is trusted. Untrusted samples are not read.
+    The first ``n_own`` of the frames (F, M) are filled; the others are learnt from as well. In every frame and for
+    every marker some sample is trusted. Untrusted samples are not read.
     """
+    own, own_trusted = local[:n_own], trusted[:n_own]
     distances, _ = mean_distances(local, trusted, _DISTANCE_FRAMES)
-    estimate, filled, n_straight = np.where(trusted[..., None], local, 0.0), np.zeros_like(trusted), 0
-    straight, inside = interpolation.linear(local, trusted), enclosed(trusted)
-    for block in _lost_blocks(trusted, distances, params):
+    estimate, filled, n_straight = np.where(own_trusted[..., None], own, 0.0), np.zeros_like(own_trusted), 0
+    straight, inside = interpolation.linear(own, own_trusted), enclosed(own_trusted)
+    for block in _lost_blocks(own_trusted, distances, params):
         place = np.ix_(block.frames, block.lost)
         helpers, training = _training_set(trusted, block)
         if helpers.size and len(training) >= _FEWEST_FRAMES:
@@ -124,7 +128,7 @@ def fill_local(local: Floats, trusted: Bools, params: Params) -> tuple[Floats, B
         else:
             estimate[place], filled[place] = straight[place], inside[place]
             n_straight += 1
-    return np.where(trusted[..., None], local, estimate), filled & ~trusted, {"straight_gaps": n_straight}
+    return np.where(own_trusted[..., None], own, estimate), filled & ~own_trusted, {"straight_gaps": n_straight}
 
 
 def _lost_blocks(trusted: Bools, distances: Floats, params: Params) -> Iterator[LostBlock]:

@@ -37,6 +37,8 @@ def run_method(
     without the bones that it needs.
     """
     traits = SOLVERS[name].TRAITS
+    if not traits.learns_from_session:
+        take = replace(take, session=None)
     if not traits.extrapolates or not (take.detached.any() or _has_dropouts(take)):
         # Each column by itself, or nothing that the method cannot fill.
         return _solve(name, take, params, wanted, dictionary, begun)

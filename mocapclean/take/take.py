@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.skeleton import Skeleton, influence, settled
+from mocapclean.take.session import Session
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -114,6 +115,7 @@ class Take:
     joints are the columns, or None. known: (F, C) bool, the channels that can be trusted, or None without poses; a
     joint is trusted where all its channels are. Positions are those of the poses in which a straight line bridges the
     missing numbers. findings: of rules and formats. origin: the file, None for a take that cannot be written to one.
+    session: other takes of the subject that methods may learn from, or None.
     The arrays are read-only.
     """
 
@@ -131,6 +133,7 @@ class Take:
     known: Bools | None = None
     findings: tuple[Finding, ...] = ()
     origin: Origin | None = None
+    session: Session | None = None
 
     def __post_init__(self) -> None:
         shape = self.trusted.shape
@@ -223,10 +226,14 @@ class Take:
             poses=self.poses if whole else None,
             known=self.known if whole else None,
             origin=None,
+            session=self.session and self.session.select(columns),
         )
 
     def crop(self, start: int, stop: int, step: int = 1) -> "Take":
-        """Return the take with every ``step``-th of these frames, by index, without its findings and its file."""
+        """Return the take with every ``step``-th of these frames, by index, without its findings and its file.
+
+        A session has the frame rate of its take, and goes where the step is not 1.
+        """
         frames = slice(start, stop, step)
         return replace(
             self,
@@ -241,6 +248,7 @@ class Take:
             known=None if self.known is None else self.known[frames],
             findings=(),
             origin=None,
+            session=self.session if step == 1 else None,
         )
 
     def numbers(self, start: int, stop: int) -> tuple[int, int]:

@@ -14,7 +14,7 @@ def resolve_settings(config: Path | None, assignments: tuple[str, ...], options:
     """Return the settings of a command, from its configuration file and its options. None: an option not given."""
     for name in ("markers", "exclude"):
         options[name] = [part.strip() for value in options[name] for part in value.split(",") if part.strip()] or None
-    for name in ("include_files", "exclude_files"):
+    for name in ("include_files", "exclude_files", "learn_from"):
         options[name] = options.get(name) or None
     for name, number in (("unit", float), ("workers", int)):
         with suppress(ValueError):

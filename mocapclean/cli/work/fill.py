@@ -10,6 +10,7 @@ from typing import Any, BinaryIO
 
 import click
 
+from mocapclean.batch.inputs import SUFFIXES, find
 from mocapclean.batch.journal import Journal, earlier_outputs
 from mocapclean.batch.plan import make_folders, plan, report_name
 from mocapclean.batch.pool import JobResults, Stop, run
@@ -57,11 +58,16 @@ def work(
         settings = settings.absolute()
     inputs = select_inputs(files, files_from, null, relative_to, settings)
     earlier = earlier_outputs(settings.out_dir) if resume and settings.out_dir else {}
-    protected = [settings.skeleton, settings.dictionary, settings.gaps, settings.reference, config]
+    learnt_from = _learnt_from(settings)
+    protected = [settings.skeleton, settings.dictionary, settings.gaps, settings.reference, config, *learnt_from]
     jobs = plan(inputs, settings, filter(None, protected), earlier, shard, resume=resume)
     make_folders(jobs, settings.out_dir)
-    with stopping(on_cluster=bool(settings.scheduler)) as stop, _journal(settings, shard, len(jobs)) as journal:
-        with contextlib.closing(_begin(jobs, journal, settings, stop)) as results:
+    with (
+        stopping(on_cluster=bool(settings.scheduler)) as stop,
+        _repairing(settings, learnt_from) as repairing,
+        _journal(settings, shard, len(jobs)) as journal,
+    ):
+        with contextlib.closing(_begin(repairing, jobs, journal, settings, stop)) as results:
             n_earlier = _collect(results, jobs, journal, settings, as_json)
         code = _conclude(jobs, journal, settings, as_json, n_earlier)
         if settings.html:
@@ -75,11 +81,40 @@ def work(
     return 128 + stop.signal if stop.signal else code
 
 
+def _learnt_from(settings: Settings) -> list[Path]:
+    """Return the files to learn from, of ``settings.learn_from``; raise UsageError if a folder holds none."""
+    paths = [each.path for each in find(settings.learn_from, skip=settings.out_dir)]
+    if settings.learn_from and not paths:
+        raise UsageError(f"--learn-from must hold at least one take ({', '.join(SUFFIXES)}). Got none.")
+    return paths
+
+
+@contextlib.contextmanager
+def _repairing(settings: Settings, learnt_from: list[Path]) -> Iterator[Repair]:
+    """Yield the work of the run; the takes to learn from are read once, into a file that all its processes read.
+
+    The file is in a temporary folder, or for a cluster in the output folder, which its machines share.
+    """
+    if not learnt_from:
+        yield Repair(settings)
+        return
+    import tempfile  # only for this case
+
+    from mocapclean.pipeline.session import read_session, save_session
+
+    takes = read_session(learnt_from, settings)
+    shared = settings.out_dir if settings.scheduler else None
+    with tempfile.TemporaryDirectory(prefix=".mocapclean-", dir=shared) as folder:
+        session = Path(folder, "session.npz")
+        save_session(session, takes)
+        yield Repair(settings, session, tuple(each.sha256 for each in takes))
+
+
 def _begin(
-    jobs: list[RepairJob], journal: Journal, settings: Settings, stop: Stop
+    work: Repair, jobs: list[RepairJob], journal: Journal, settings: Settings, stop: Stop
 ) -> JobResults[RepairJob, FinishedTake]:
     """Return the results of the jobs, run on this machine or on the cluster of ``settings.scheduler``."""
-    work, limits = Repair(settings), worker_limits(settings, alone=len(jobs) == 1)
+    limits = worker_limits(settings, alone=len(jobs) == 1)
     one_take_alone(len(jobs), limits, quiet=settings.quiet)
     if not settings.scheduler:
         return run(work, _journaled(jobs, journal), limits, stop)

@@ -19,7 +19,9 @@ def methods_paragraph(row: Mapping[str, Any]) -> str:
     counts = row.get("counts")
     if not counts or row.get("status") not in ("repaired", "unchanged"):
         return ""
-    return " ".join([_untrusted(row, counts), *_filled(row, counts), *_errors(row), *_bones(row, counts)])
+    return " ".join(
+        [_untrusted(row, counts), *_filled(row, counts), *_learnt_from(row), *_errors(row), *_bones(row, counts)]
+    )
 
 
 def _untrusted(row: Mapping[str, Any], counts: Mapping[str, int]) -> str:
@@ -53,6 +55,12 @@ def _filled(row: Mapping[str, Any], counts: Mapping[str, int]) -> list[str]:
         sentences.append(f"{counts['left']:,} samples were not reconstructed and are missing or as measured.")
     sentences.append("No other sample was changed.")
     return sentences
+
+
+def _learnt_from(row: Mapping[str, Any]) -> list[str]:
+    learnt = row.get("learnt_from") or []
+    names = ", ".join(f"{each['source']} (SHA-256 {each['sha256']})" for each in learnt)
+    return [f"The method also learnt from other takes of the subject: {names}."] if learnt else []
 
 
 def _errors(row: Mapping[str, Any]) -> list[str]:

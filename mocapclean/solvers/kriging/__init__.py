@@ -45,7 +45,14 @@ REFERENCE = (
 )
 
 
-TRAITS = Traits(error_bars=True, gap_by_gap=True, self_checked=True, turns_joints=True, idle_facts={"passes": 0})
+TRAITS = Traits(
+    error_bars=True,
+    gap_by_gap=True,
+    self_checked=True,
+    learns_from_session=True,
+    turns_joints=True,
+    idle_facts={"passes": 0},
+)
 
 
 @parameters
@@ -82,11 +89,12 @@ def solve(take: Take, params: Params, fillable: Bools, wanted: Bools, begun: Sol
     """
     state = TakeState(take, params, begun)
     passes = fill_in_passes(state, fillable, wanted)
-    filled = fillable & np.isfinite(state.sd)
+    positions, sd = state.positions[: state.n_own], state.sd[: state.n_own]
+    filled = fillable & np.isfinite(sd)
     return Solution(
-        positions=np.where(filled[..., None] | take.trusted[..., None], state.positions, 0.0),
+        positions=np.where(filled[..., None] | take.trusted[..., None], positions, 0.0),
         filled=filled,
-        sd=np.where(filled, state.sd, 0.0),
+        sd=np.where(filled, sd, 0.0),
         reason="closed form" if passes else "nothing to fill",
         facts={"passes": passes},
     )

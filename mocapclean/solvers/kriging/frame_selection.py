@@ -2,6 +2,7 @@
 from.
 
 A limited number of frames is chosen evenly over the take, so that the cost of a regression does not grow with the take.
+Where the frames or the windows of the take are too few, others come from its session: other takes of the same subject.
 """
 
 from collections.abc import Callable
@@ -27,13 +28,19 @@ MIN_WINDOWS = 3  # windows; where fewer fit, their length is halved
 SHORTEST_ALIKE = 4  # part of a gap's length, the shortest windows that are sought to resemble it; chosen by hand
 WINDOW_SPACING = 0.3  # of the window length, the least distance between the first frames of two windows
 MIN_WINDOW_SPACING = 5  # frames, the same where windows are short
+SESSION_SHARE = 2
+"""Frames of the session that are learnt from for each frame that the take lacks, up to the limit of the take's own.
+
+Chosen on half of the takes of ``benchmarks/session.py``: 1 and 4 had errors larger by up to 2 %. A fixed number made
+takes of 1,500 frames worse.
+"""
 MAX_INSIDE = 6  # frames of a window in which the error is measured; reduced from ten to save time
 
 
 def spread_out(candidates: Ints, most: int, min_distance: int) -> Ints:
     """Return up to ``most`` of the sorted candidates, evenly chosen, each at least ``min_distance`` after the last."""
-    if not len(candidates):
-        return candidates
+    if not len(candidates) or most < 1:
+        return candidates[:0]
     picked = candidates[np.unique(np.round(np.linspace(0, len(candidates) - 1, most)).astype(np.intp))]
     if min_distance <= 1:
         return np.asarray(picked)
@@ -90,30 +97,44 @@ def training_frames(known: Bools, missing_share: Floats, most: int) -> tuple[Int
     return spread_out(training, most, 1), incomplete
 
 
+def session_frames(usable: Bools, n_own: int, most: int) -> Ints:
+    """Return the frames of the session, evenly chosen, to learn from beside ``n_own`` frames of the take.
+
+    usable: (S,) in which the marker and all its neighbours are known. most: the limit of the take's own frames.
+    """
+    return spread_out(np.flatnonzero(usable), min(SESSION_SHARE * (most - n_own), most), 1)
+
+
 def window_starts(
     known: Bools,
     missing_share: Floats,
     length: int,
     n_windows: int,
     edges: tuple[int, int],
+    n_own: int,
     alike: Callable[[Ints, int], Bools] | None = None,
 ) -> tuple[Ints, int]:
     """Return the first frames of up to ``n_windows`` windows in known stretches, and their length, halved until enough
     fit.
 
-    known and missing_share (F,) are those of ``training_frames``. A window is a stretch in which the marker is known,
+    known and missing_share (F,) are those of ``training_frames``, of the take in the first ``n_own`` frames, then of
+    its session, where windows are sought that the take lacks. A window is a stretch in which the marker is known,
     together with ``edges`` frames before and after it. alike: which windows, of first frames (n,) and a length,
     resemble the gap; only these are used, unless too few of a quarter of the length do.
     """
     wanted, shortest = length, length // SHORTEST_ALIKE if alike else 1
     starts = np.zeros(0, dtype=np.intp)
     while n_windows and length >= max(shortest, 1):
-        starts = _starts_of_length(known, missing_share, length, n_windows, edges, alike)
+        starts = _starts_of_length(known, missing_share, length, n_windows, edges, (0, n_own), alike)
+        if n_own < len(known):
+            lacking, session = n_windows - len(starts), (n_own, len(known))
+            others = _starts_of_length(known, missing_share, length, lacking, edges, session, alike)
+            starts = np.append(starts, others)
         if len(starts) >= MIN_WINDOWS:
             break
         length //= 2
     if alike and len(starts) < MIN_WINDOWS:
-        return window_starts(known, missing_share, wanted, n_windows, edges)
+        return window_starts(known, missing_share, wanted, n_windows, edges, n_own)
     return starts, max(length, 1)
 
 
@@ -123,13 +144,16 @@ def _starts_of_length(
     length: int,
     n_windows: int,
     edges: tuple[int, int],
+    span: tuple[int, int],
     alike: Callable[[Ints, int], Bools] | None,
 ) -> Ints:
-    """Return the first frames of up to ``n_windows`` windows of one length; the arguments are those of the caller."""
+    """Return the first frames of up to ``n_windows`` windows of one length, which lie with their edges in a span of
+    frames (start, stop); the other arguments are those of the caller.
+    """
     before, after = edges
     # Prefix sums: entry b less entry a is the sum over the frames a to b - 1.
     unknown, missing = np.append(0, np.cumsum(~known)), np.append(0.0, np.cumsum(missing_share))
-    candidates = np.arange(before, len(known) - length - after + 1)
+    candidates = np.arange(span[0] + before, span[1] - length - after + 1)
     starts = candidates[unknown[candidates + length + after] == unknown[candidates - before]]
     if alike:
         starts = starts[alike(starts, length)]

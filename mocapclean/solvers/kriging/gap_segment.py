@@ -11,6 +11,7 @@ from mocapclean.solvers.kriging.frame_selection import (
     MIN_TRAINING,
     REFERENCE_RATE,
     adjacent_frames,
+    session_frames,
     training_frames,
     window_offsets,
     window_starts,
@@ -170,12 +171,12 @@ class GapSegment:
         # Windows are bridged from the same sides as the gap.
         length, most = self.stop - self.start, state.params.windows
         chosen = alike if resembling else None
-        starts, length = window_starts(self.known, missing_share, length, most, self.edges, chosen)
+        starts, length = window_starts(self.known, missing_share, length, most, self.edges, state.n_own, chosen)
         inside, adjacent = window_offsets(length, state.rate, self.edges[0] > 0, self.edges[1] > 0)
         # Adjacent frames beyond the take are clipped to it and counted as unknown.
         unclipped = starts[:, None] + np.append(inside, adjacent)
         windows = np.clip(unclipped, 0, n_frames - 1)
-        training, self.incomplete_training = training_frames(self.known, missing_share, state.params.learnt)
+        training = self._training(missing_share)
         return SamplingPlan(
             training=training,
             windows=windows,
@@ -185,6 +186,13 @@ class GapSegment:
             gap_adjacent=np.append(self.before[::-1], self.after),
             gap=np.arange(self.start, self.stop),
         )
+
+    def _training(self, missing_share: Floats) -> Ints:
+        """Return the frames to learn from: those of the take, then those of its session that the take lacks."""
+        n_own, most = self.state.n_own, self.state.params.learnt
+        training, self.incomplete_training = training_frames(self.known[:n_own], missing_share[:n_own], most)
+        complete = self.known[n_own:] & (missing_share[n_own:] <= 0.0)
+        return np.append(training, n_own + session_frames(complete, len(training), most))
 
     def _missing_share(self) -> Floats:
         """Return the share (F,) of the neighbours, by weight, that is missing in each frame of the take."""

@@ -1,6 +1,7 @@
 """Weights of the neighbours of a marker: markers close to it, at distances that hardly vary, weigh most."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -33,14 +34,14 @@ class NeighbourDistances:
 
     @classmethod
     def measured(
-        cls, positions: Floats, trusted: Bools, rigidity: float, *, exact: bool = False
+        cls, positions: Floats, trusted: Bools, rigidity: float, *, n_own: int | None = None, exact: bool = False
     ) -> "NeighbourDistances":
         """Return the distances of positions (F, M, 3), each marker's over up to 300 frames in which it is trusted.
 
         exact: whether points that follow each other exactly are neighbours, as the joints of a skeleton are. If not,
         the variance of their distance is infinite: such a point is computed from the other one, not measured.
         """
-        mean, variance = distances_of_each(positions, trusted, _sampled)
+        mean, variance = distances_of_each(positions, trusted, partial(_sampled, n_own or len(trusted)))
         if not exact:
             variance[exact_pairs(np.sqrt(variance), EXACT_SHARE * rigidity)] = np.inf
         return cls(mean, variance, rigidity)
@@ -75,6 +76,7 @@ class NeighbourDistances:
         return np.asarray(1.0 / distance, dtype=np.float64)
 
 
-def _sampled(frames: Ints) -> Ints:
-    """Return up to ``MAX_DISTANCE_FRAMES`` of some frames, evenly chosen."""
-    return spread_out(frames, MAX_DISTANCE_FRAMES, 1)
+def _sampled(n_own: int, frames: Ints) -> Ints:
+    """Return up to ``MAX_DISTANCE_FRAMES`` of some frames, evenly chosen; those from ``n_own`` on where others lack."""
+    own = spread_out(frames[frames < n_own], MAX_DISTANCE_FRAMES, 1)
+    return np.append(own, spread_out(frames[frames >= n_own], MAX_DISTANCE_FRAMES - len(own), 1))

@@ -49,7 +49,8 @@ def fill_in_passes(state: TakeState, fillable: Bools, wanted: Bools) -> int:
     are filled only where the wanted ones learn from them. Where the state began with a solution, its gaps are not
     filled again.
     """
-    gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known & ~state.begun)]
+    own = slice(0, state.n_own)
+    gaps = [GapSpan(*run) for run in column_runs(fillable & ~state.known[own] & ~state.begun[own])]
     wanted_gaps = [gap for gap in gaps if wanted[gap.start : gap.stop, gap.marker].any()]
     passes, incomplete, to_fill = 0, False, wanted_gaps
     while to_fill and passes < state.params.passes:

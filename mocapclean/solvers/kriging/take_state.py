@@ -16,6 +16,7 @@ from mocapclean.solvers.kriging.own_path import OwnPath
 from mocapclean.solvers.kriging.rest import Rest
 from mocapclean.solvers.kriging.short_gaps import bridge_short_gaps, in_short_gaps
 from mocapclean.take import Solution, Take
+from mocapclean.take.session import Session
 
 if TYPE_CHECKING:
     from mocapclean.solvers.kriging import Params
@@ -26,6 +27,7 @@ LONGEST_SHORT_GAP = 1.0 / 24.0  # s, gaps up to it are bridged over time; chosen
 class TakeState:
     """The state of a take while its gaps are filled; at first only short gaps are filled.
 
+    F are the ``n_own`` frames of the take, then those of its session, of which none is filled.
     positions: (F, M, 3) mm, trusted, filled, or interpolated linearly where not yet filled.
     sd: (F, M) mm per coordinate, NaN where nothing is filled.
     known: (F, M) whether a sample is trusted or in a bridged short gap.
@@ -37,10 +39,15 @@ class TakeState:
     def __init__(self, take: Take, params: "Params", begun: Solution | None = None) -> None:
         """Take the samples of a take, and of a solution of it that was found with more of them trusted."""
         self.params, self.rate, self.trusted = params, take.rate, take.trusted
+        self.n_own = len(take.trusted)
         self.bridge_weights, self.own_path = BridgeWeights(take.rate), OwnPath(take.rate)
         interpolated = interpolation.linear(take.positions, take.trusted)
+        own = interpolated, take.trusted
         self.distances = NeighbourDistances.measured(
-            interpolated, take.trusted, params.rigidity, exact=take.skeleton is not None
+            *(take.session.after(*own) if take.session else own),
+            params.rigidity,
+            n_own=self.n_own,
+            exact=take.skeleton is not None,
         )
         self.bones = Bones.of_take(take, params.bone_spread, self.distances)
         self.limits = DistanceLimits.measured(interpolated, take.trusted, self.distances)
@@ -56,6 +63,19 @@ class TakeState:
             self.sd = np.where(self.begun, begun.sd if begun.sd is not None else np.nan, self.sd)
         self.missing = np.asarray(~(self.known | self.begun), dtype=float)
         self._rest_of: dict[int, Rest] = {}
+        if take.session:
+            self._append(take.session)
+
+    def _append(self, session: Session) -> None:
+        """Append the frames of a session, which are learnt from and not filled."""
+        nowhere = np.zeros_like(session.trusted)
+        positions = interpolation.linear(session.positions, session.trusted)
+        self.positions = np.concatenate([self.positions, positions])
+        self.sd = np.concatenate([self.sd, np.full(nowhere.shape, np.nan)])
+        self.trusted = np.concatenate([self.trusted, session.trusted])
+        self.known = np.concatenate([self.known, session.trusted])
+        self.begun = np.concatenate([self.begun, nowhere])
+        self.missing = np.concatenate([self.missing, np.asarray(~session.trusted, dtype=float)])
 
     def rest(self, marker: int) -> Rest:
         """Return how a marker moves beside stretches of the take, from its known samples."""

@@ -47,19 +47,19 @@ REFERENCE = (
     "constraints and model averaging, doi:10.1371/journal.pone.0199744"
 )
 
-TRAITS = Traits()
+TRAITS = Traits(learns_from_session=True)
 
 
 def solve(take: Take, params: Params, fillable: Bools) -> Solution:
     """Return the take with every enclosed gap filled, and the gaps at the ends that have references or helpers."""
     travelling = TravellingTake(take)
-    seen = travelling.trusted
-    filler = GapFiller(travelling.local, seen, params, take.rate)
+    n_own, seen = travelling.n_own, travelling.trusted[: travelling.n_own]
+    filler = GapFiller(travelling.local, travelling.trusted, n_own, params, take.rate)
     for marker in filler.order():
         filler.fill(marker)
-    local = filler.local
+    local = filler.local[:n_own]
     if params.output_filter:
         width = frames_in(params.output_filter, take.rate)
         local = np.where(seen[..., None], local, median_mean(local.reshape(len(local), -1), width).reshape(local.shape))
-    positions, filled = travelling.to_world(local, filler.known & ~seen)
+    positions, filled = travelling.to_world(local, filler.known[:n_own] & ~seen)
     return Solution(positions=positions, filled=filled, facts={"gaps_without_references": filler.n_without_references})

@@ -27,30 +27,32 @@ def frames_in(seconds: float, rate: float) -> int:
 class GapFiller:
     """The positions of a take about a travelling point while its gaps are being filled.
 
-    local: (F, M, 3) millimetres. known: (F, M), trusted or filled. n_without_references: the gaps without three
-    references.
+    local: (F, M, 3) millimetres. known: (F, M), trusted or filled. The gaps of the first ``n_own`` frames are filled.
+    n_without_references: the gaps without three references.
     """
 
-    def __init__(self, local: Floats, trusted: Bools, params: Params, rate: float) -> None:
-        self.local, self.trusted, self.params = local.copy(), trusted, params
+    def __init__(self, local: Floats, trusted: Bools, n_own: int, params: Params, rate: float) -> None:
+        self.local, self.trusted, self.n_own, self.params = local.copy(), trusted, n_own, params
         self.known, self.n_without_references = trusted.copy(), 0
         self.distances, self.looseness = mean_distances(local, trusted, _DISTANCE_FRAMES)
         self.window = frames_in(params.weight_window, rate)
-        self.pca_estimate, self.pca_filled, _ = pca.fill_local(local, trusted, pca.Params(bandwidth=params.bandwidth))
+        self.pca_estimate, self.pca_filled, _ = pca.fill_local(
+            local, trusted, n_own, pca.Params(bandwidth=params.bandwidth)
+        )
 
     def order(self) -> list[int]:
         """Return the markers with gaps, the most present first, then by their first gap."""
-        lost = ~self.trusted
+        lost = ~self.trusted[: self.n_own]
         ranks = np.lexsort((lost.argmax(axis=0), lost.sum(axis=0)))
         return [int(k) for k in ranks if lost[:, k].any()]
 
     def fill(self, marker: int) -> None:
         """Fill all gaps of a marker, each from the state before the marker was filled."""
-        known, local, n_frames = self.trusted[:, marker].copy(), self.local[:, marker].copy(), len(self.known)
+        known, local = self.trusted[:, marker].copy(), self.local[:, marker].copy()
         models: dict[tuple[int, ...], ReferenceModel] = {}
-        for start, stop in runs(~self.trusted[:, marker]):
-            span = slice(max(int(start) - 1, 0), min(int(stop) + 1, n_frames))
-            gap = PaddedGap(marker, span, bool(start > 0), bool(stop < n_frames))
+        for start, stop in runs(~self.trusted[: self.n_own, marker]):
+            span = slice(max(int(start) - 1, 0), min(int(stop) + 1, self.n_own))
+            gap = PaddedGap(marker, span, bool(start > 0), bool(stop < self.n_own))
             path = self._average(gap, models)
             if path is not None:
                 local[start:stop], known[start:stop] = path[gap.inner], True

@@ -53,7 +53,7 @@ def test_complete_frames_are_preferred_for_training():
 def test_windows_lie_where_the_marker_is_known():
     known = np.ones(400, dtype=bool)
     known[100:200] = False
-    starts, length = window_starts(known, np.zeros(400), 40, 12, (5, 5))
+    starts, length = window_starts(known, np.zeros(400), 40, 12, (5, 5), 400)
     assert length == 40
     assert all(known[start - 5 : start + 45].all() for start in starts)
 
@@ -61,7 +61,7 @@ def test_windows_lie_where_the_marker_is_known():
 def test_windows_are_shorter_where_none_fits():
     known = np.zeros(400, dtype=bool)
     known[:100] = True
-    starts, length = window_starts(known, np.zeros(400), 200, 12, (5, 0))
+    starts, length = window_starts(known, np.zeros(400), 200, 12, (5, 0), 400)
     assert length == 50
     assert len(starts) >= 3
-    assert not len(window_starts(known, np.zeros(400), 40, 0, (5, 5))[0])
+    assert not len(window_starts(known, np.zeros(400), 40, 0, (5, 5), 400)[0])
