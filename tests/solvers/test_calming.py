@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose, assert_array_equal
+from numpy.testing import assert_array_equal
 
 from mocapclean.geometry.joint_motion import (
     angles_between,
@@ -13,7 +13,7 @@ from mocapclean.geometry.joint_motion import (
     straight_turns,
     times,
 )
-from mocapclean.solvers.joints.calming import _smoothed, calmed
+from mocapclean.solvers.joints.calming import calmed
 
 START, STOP, N_FRAMES = 40, 60, 100
 
@@ -31,16 +31,6 @@ def steps(rotations, path):
     whole = rotations.copy()
     whole[START:STOP] = path
     return angles_between(whole[START - 1 : STOP], whole[START : STOP + 1])
-
-
-@pytest.mark.parametrize("n", [1, 2, 3, 4, 25])
-@pytest.mark.parametrize("strength", [0.1, 1e3])
-def test_smoothing_minimises_its_sum(rng, n, strength):
-    """Oracle: dense normal equations, with zeros beside the gap."""
-    away = rng.normal(size=(n, 3))
-    bent = np.diff(np.vstack([np.zeros(n), np.eye(n), np.zeros(n)]), n=2, axis=0)
-    expected = np.linalg.solve(np.eye(n) + strength * bent.T @ bent, away)
-    assert_allclose(_smoothed(away, strength), expected, atol=1e-9)
 
 
 def test_a_path_no_faster_than_the_joint_beside_it_stays(take):

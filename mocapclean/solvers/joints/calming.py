@@ -1,25 +1,24 @@
 """Calm a filled path: no step from frame to frame that the joint makes nowhere near, as far as the error bars allow.
 
 The other joints predict each frame by itself, so that a step of the answer may be larger than any of the motion. Let d
-be the rotation vectors from the plain path to the answer, 0 beside the gap. They are replaced by the x that minimises
-
-    |x - d|² + λ |D² x|²
-
-with second differences D² and the least λ at which every step is small enough (E. T. Whittaker, 1923, On a new method
-of graduation, doi:10.1017/S0013091500077853). The larger λ, the nearer is the path to the plain one.
+be the rotation vectors from the plain path to the answer, 0 beside the gap. They are graduated, with the least strength
+at which every step is small enough (``numerics.graduation``). The larger it is, the nearer the plain path.
 """
 
 import numpy as np
-import scipy
 
 from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.joint_motion import angles_between, conjugate, from_vectors, rotation_vectors, times
+from mocapclean.numerics.graduation import graduated
 
 _BESIDE = 8
 """Frames on each side of a gap whose steps show how fast the joint turns. Chosen by hand."""
+_FIXED = 1e9  # weight of the frames beside the gap, which do not move; those of the gap weigh 1
 _STRENGTHS = 10.0 ** np.arange(-1.0, 6.0, 0.5)
-"""The λ that are tried. From 0.1, which moves no frame by much, to what leaves little but the plain path of a gap of 60
-frames. Chosen by hand."""
+"""The strengths that are tried.
+
+They go from 0.1, which moves no frame by much, to what leaves little but the plain path of 60 frames. Chosen by hand.
+"""
 
 
 def calmed(rotations: Floats, known: Bools, start: int, path: Floats, sd: Floats, plain: Floats) -> Floats:
@@ -38,8 +37,10 @@ def calmed(rotations: Floats, known: Bools, start: int, path: Floats, sd: Floats
         return calm
     away = rotation_vectors(times(conjugate(plain), path))
     reach = np.sqrt(3.0) * sd
+    # The path and the answer meet beside the gap.
+    around, weights = np.pad(away, ((1, 1), (0, 0))), np.pad(np.ones(len(away)), 1, constant_values=_FIXED)
     for strength in _STRENGTHS:
-        smooth = _smoothed(away, float(strength))
+        smooth = graduated(around, weights, float(strength))[1:-1]
         if (np.linalg.norm(smooth - away, axis=1) > reach).any():
             break
         calm = times(plain, from_vectors(smooth))
@@ -60,16 +61,3 @@ def _largest_step(path: Floats, ends: tuple[Floats, Floats]) -> float:
     """Return the largest step, degrees, of a path (n, 4) and into and out of it from the frames (1, 4) beside it."""
     whole = np.concatenate([ends[0], path, ends[1]])
     return float(angles_between(whole[:-1], whole[1:]).max())
-
-
-def _smoothed(away: Floats, strength: float) -> Floats:
-    """Return what minimises the sum in the module's text for d = ``away`` (n, 3)."""
-    n = len(away)
-    bands = np.zeros((3, n))
-    bands[2] = 6.0
-    bands[2, 0] -= 1.0
-    bands[2, -1] -= 1.0
-    bands[1, 1:], bands[0, 2:] = -4.0, 1.0
-    bands *= strength
-    bands[2] += 1.0
-    return np.asarray(scipy.linalg.solveh_banded(bands[-n:] if n < 3 else bands, away))

@@ -9,6 +9,7 @@ from mocapclean import progress
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.cores import in_parts
 from mocapclean.solvers.kriging.answers import answers
+from mocapclean.solvers.kriging.calm_steps import calm
 from mocapclean.solvers.kriging.gap_segment import CLEARLY_BETTER, Answer, GapSegment
 from mocapclean.solvers.kriging.gap_splitting import split_gap
 from mocapclean.solvers.kriging.joining import join_parts
@@ -106,7 +107,11 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
             outcome = outcome._replace(incomplete_training=outcome.incomplete_training or found.incomplete_training)
             if found.alone:
                 outcome.alone.append(gap)
-    positions, state.sd = state.limits.restored(positions, sd, state.known | state.begun, state.rate)
+    fixed = state.known | state.begun
+    positions, sd = state.limits.restored(positions, sd, fixed, state.rate)
+    for marker in {gap.marker for gap in gaps}:
+        calm(positions[:, marker], sd[:, marker], fixed[:, marker])
+    state.sd = sd
     state.positions = state.bones.restored(positions, state.sd, state.trusted)
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return outcome
