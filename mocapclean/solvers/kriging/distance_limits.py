@@ -6,7 +6,6 @@ import numpy as np
 
 from mocapclean.arrays import Bools, Floats, Ints
 from mocapclean.geometry.bone_projection import project_to_bone_lengths
-from mocapclean.numerics.gaussian import smoothed
 from mocapclean.numerics.robust import MAD_TO_SD, median
 from mocapclean.solvers.kriging.frame_selection import spread_out
 from mocapclean.solvers.kriging.neighbours import MAX_DISTANCE_FRAMES, NeighbourDistances
@@ -82,12 +81,10 @@ class DistanceLimits:
             if not offsets.any():
                 break
             columns = np.flatnonzero(offsets.any(axis=(0, 2)))
-            scale = np.where(filled, sd, np.inf)[:, columns, None]
-            steps = (
-                smoothed(offsets[:, columns] / scale, SMOOTHING * rate) * np.where(filled, sd, 0.0)[:, columns, None]
-            )
+            scale = np.where(filled, sd, 0.0)[:, columns, None]
+            relative = offsets[:, columns] / np.where(scale > 0.0, scale, 1.0)
             moved = moved.copy()
-            moved[:, columns] += steps
+            moved[:, columns] += scale * _smoothed(relative, SMOOTHING * rate)
         if moved is positions:
             return positions, sd
         squares = np.square(moved - positions).mean(axis=2)
@@ -135,3 +132,14 @@ class DistanceLimits:
             for pairs in (np.ones_like(far), far)
         )
         return np.asarray(fixed & (2.0 * beyond > partners), dtype=bool)
+
+
+def _smoothed(values: Floats, sigma: float) -> Floats:
+    """Return values (n, m, 3), 0 beyond both ends, convolved over time with a Gaussian of this SD, cut off at 4 SD.
+
+    ``numerics.gaussian`` loads a library that takes longer to load than most takes to fill.
+    """
+    reach = int(4.0 * sigma) + 1
+    kernel = np.exp(-0.5 * np.square(np.arange(-reach, reach + 1) / sigma))
+    whole = np.apply_along_axis(np.convolve, 0, values, kernel / kernel.sum())
+    return np.asarray(whole[reach : reach + len(values)], dtype=np.float64)

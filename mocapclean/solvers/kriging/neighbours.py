@@ -17,6 +17,7 @@ EXACT_SHARE = 0.005
 
 Measured markers never do, computed points do: ``mocapclean bench markers`` leaves points out by the same limit.
 """
+N_NEAREST = 8  # heaviest neighbours that show how fast a marker may move; chosen by hand, no sweep was kept
 FEATURE_SLACK = 2.5  # times the rigidity parameter, the SD of a distance (5 mm) below which features are scaled alike
 
 
@@ -52,6 +53,12 @@ class NeighbourDistances:
         w = 1 / ((Var d + r²) (E d + 25 r))      d the distance, r the rigidity parameter
         """
         return self.weights_between(np.intp(marker), np.arange(len(self.mean)))
+
+    def nearest(self, marker: int) -> Ints:
+        """Return the columns of the up to 8 heaviest neighbours of a marker."""
+        weights = self.weights(marker)
+        heaviest = np.argsort(-weights, kind="stable")[:N_NEAREST]
+        return heaviest[weights[heaviest] > 0.0]
 
     def weights_between(self, markers: Ints | np.intp, neighbours: Ints) -> Floats:
         """Return the weights, as in ``weights``, of neighbours for markers of any shapes that broadcast."""

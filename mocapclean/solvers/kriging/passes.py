@@ -96,23 +96,24 @@ def fill_gaps(state: TakeState, gaps: list[GapSpan], *, first: bool) -> PassOutc
     parts = _parts(gaps)
     positions, sd = state.positions.copy(), state.sd.copy()
     outcome = PassOutcome(False, [])
+    # The frames of a session have no part in what follows.
+    track, spread, fixed = positions[: state.n_own], sd[: state.n_own], (state.known | state.begun)[: state.n_own]
     for part, filled in zip(parts, in_parts(partial(_answered, state, first), parts), strict=True):
         progress.advance(len(part))
         for gap, found in zip(part, filled, strict=True):
             answered = [(span, answer) for span, answer in zip(found.spans, found.answers, strict=True) if answer]
             for (start, stop), answer in answered:
                 positions[start:stop, gap.marker], sd[start:stop, gap.marker] = answer
-            fixed = state.known[:, gap.marker] | state.begun[:, gap.marker]
-            join_parts(positions[:, gap.marker], sd[:, gap.marker], fixed, [span for span, _ in answered], state.rate)
+            own = fixed[:, gap.marker]
+            join_parts(track[:, gap.marker], spread[:, gap.marker], own, [span for span, _ in answered], state.rate)
             outcome = outcome._replace(incomplete_training=outcome.incomplete_training or found.incomplete_training)
             if found.alone:
                 outcome.alone.append(gap)
-    fixed = state.known | state.begun
-    positions, sd = state.limits.restored(positions, sd, fixed, state.rate)
+    track[:], spread[:] = state.limits.restored(track, spread, fixed, state.rate)
     for marker in {gap.marker for gap in gaps}:
-        calm(positions[:, marker], sd[:, marker], fixed[:, marker])
-    state.sd = sd
-    state.positions = state.bones.restored(positions, state.sd, state.trusted)
+        near = state.distances.nearest(marker)
+        calm(track[:, marker], spread[:, marker], fixed[:, marker], track[:, near], fixed[:, near])
+    state.positions, state.sd = state.bones.restored(positions, sd, state.trusted), sd
     state.missing = np.asarray(~(state.known | np.isfinite(sd)), dtype=float)
     return outcome
 

@@ -6,14 +6,18 @@ import pytest
 from mocapclean.solvers.kriging.calm_steps import LARGEST_STEP, calm
 
 
+AT_REST = np.zeros((300, 1, 3))
+
+
 def a_swing(n_frames=300):
     t = np.arange(n_frames)[:, None] / 120.0
     return np.concatenate([400 * np.sin(6 * t), 50 * np.cos(6 * t), 900 + 30 * np.sin(12 * t)], axis=1)
 
 
-def calmed(track, sd, known):
+def calmed(track, sd, known, others=AT_REST):
+    """The calmed copies of a track and its SD; the other marker rests, if none are given."""
     track, sd = track.copy(), sd.copy()
-    calm(track, sd, known)
+    calm(track, sd, known, others, np.ones(others.shape[:2], dtype=bool))
     return track, sd
 
 
@@ -61,3 +65,19 @@ def test_a_marker_without_two_known_samples_in_turn_stays():
     known[::3] = True
     moved, _ = calmed(track, sd, known)
     np.testing.assert_array_equal(moved, track)
+
+
+def test_a_marker_that_moves_only_in_the_gap_steps_as_far_as_its_neighbours():
+    known, sd = a_gap(100, 160)
+    track = np.zeros((300, 3))
+    track[110:150] = 200.0 * np.sin(np.linspace(0, np.pi, 40))[:, None]
+    moved, _ = calmed(track, sd, known, track[:, None] + [50.0, 0.0, 0.0])
+    np.testing.assert_array_equal(moved, track)
+
+
+def test_a_marker_that_comes_to_another_place_in_the_gap_steps_as_far_as_it_has_to():
+    known, sd = a_gap(100, 160)
+    share = np.clip((np.arange(300) - 100) / 60, 0, 1)
+    track = share[:, None] * [600.0, 0.0, 0.0]
+    moved, _ = calmed(track, sd, known)
+    np.testing.assert_allclose(moved, track, atol=1e-9)
