@@ -5,7 +5,6 @@ import pytest
 
 from mocapclean.solvers.kriging.calm_steps import LARGEST_STEP, calm
 
-
 AT_REST = np.zeros((300, 1, 3))
 
 
