@@ -75,11 +75,15 @@ class DistanceLimits:
         samples that stay; those that contradict most of their partners hold no other sample.
         """
         filled = np.isfinite(sd) & ~fixed
-        moved = positions
+        moved, limits = positions, (self.least, self.largest)
         for _ in range(ROUNDS):
-            offsets = self._offsets(moved, sd, filled, fixed)
+            offsets = self._offsets(moved, sd, filled, fixed, limits)
             if not offsets.any():
                 break
+            if moved is positions:
+                # Least squares leave a part of what is beyond the limits; later rounds do not ask for more.
+                reached = self._lengths(positions + offsets)
+                limits = np.minimum(self.least, reached), np.maximum(self.largest, reached)
             columns = np.flatnonzero(offsets.any(axis=(0, 2)))
             scale = np.where(filled, sd, 0.0)[:, columns, None]
             relative = offsets[:, columns] / np.where(scale > 0.0, scale, 1.0)
@@ -90,15 +94,21 @@ class DistanceLimits:
         squares = np.square(moved - positions).mean(axis=2)
         return moved, np.where(filled, np.sqrt(np.square(sd) + squares), sd)
 
-    def _offsets(self, positions: Floats, sd: Floats, filled: Bools, fixed: Bools) -> Floats:
+    def _lengths(self, positions: Floats) -> Floats:
+        """Return the distances (F, E) of the pairs, mm."""
+        a, b = self.ends.T
+        return np.asarray(np.linalg.norm(positions[:, a] - positions[:, b], axis=2))
+
+    def _offsets(
+        self, positions: Floats, sd: Floats, filled: Bools, fixed: Bools, limits: tuple[Floats, Floats]
+    ) -> Floats:
         """Return the offsets (F, M, 3), mm, of filled samples to where the pairs of a frame are within their limits.
 
         They are those of weighted least squares, in which pairs within their limits keep their distance. They are zero
-        in frames in which all pairs are.
+        in frames in which all pairs are. limits: two of (E,) or (F, E), mm.
         """
-        a, b = self.ends.T
-        lengths = np.linalg.norm(positions[:, a] - positions[:, b], axis=2)
-        wanted = np.clip(lengths, self.least, self.largest)
+        lengths = self._lengths(positions)
+        wanted = np.clip(lengths, *limits)
         excess = np.abs(lengths - wanted)
         fixed = fixed & ~self._in_doubt(excess, filled, fixed)
         counting = (filled | fixed)[:, self.ends].all(axis=2) & filled[:, self.ends].any(axis=2)
