@@ -26,6 +26,7 @@ SMOOTHING = 0.03
 With 0.015, 0.03 and 0.06 s the RMS deviation of rigid pairs in 20 captures with many gaps was 2.21, 2.21 and 2.60 times
 that of measured samples (5.7 without limits), and 85, 80 and 83 markers had a step above 1.5 times their own largest.
 """
+CONTRADICTION = 3.0  # SDs, and expected errors in space, beyond which a distance is no chance; three-sigma rule
 MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
 
 
@@ -33,12 +34,13 @@ MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of 
 class DistanceLimits:
     """Pairs of markers with the limits of their distance.
 
-    ends: (E, 2) columns of the markers. least, largest: (E,) mm. spreads: (E,) SD of the distance, mm. excess: mm,
-    beyond a limit up to which nothing moves.
+    ends: (E, 2) columns of the markers. least, middle, largest: (E,) mm, the limits and the median. spreads: (E,) SD of
+    the distance, mm. excess: mm, beyond a limit up to which nothing moves.
     """
 
     ends: Ints
     least: Floats
+    middle: Floats
     largest: Floats
     spreads: Floats
     excess: float
@@ -55,24 +57,25 @@ class DistanceLimits:
             rigid = nearest[row[nearest] <= LARGEST_SPREAD * distances.rigidity].tolist()
             pairs |= {(min(marker, other), max(marker, other)) for other in rigid}
         ends = np.array(sorted(pairs), dtype=np.intp).reshape(-1, 2)
-        least, largest = np.zeros(len(ends)), np.full(len(ends), np.inf)
+        least, middle, largest = np.zeros(len(ends)), np.full(len(ends), np.nan), np.full(len(ends), np.inf)
         for k, (a, b) in enumerate(ends):
             frames = spread_out(np.flatnonzero(trusted[:, a] & trusted[:, b]), MAX_DISTANCE_FRAMES, 1)
             if len(frames):
                 lengths = np.linalg.norm(positions[frames, a] - positions[frames, b], axis=1)
                 # Frames with a wrong label are no evidence of a distance.
-                middle = median(lengths)
-                robust_sd = MAD_TO_SD * median(np.abs(lengths - middle))
+                middle[k] = median(lengths)
+                robust_sd = MAD_TO_SD * median(np.abs(lengths - middle[k]))
                 far = FARTHEST * max(robust_sd, LEAST_SPREAD * distances.rigidity)
-                least[k], largest[k] = max(lengths.min(), middle - far), min(lengths.max(), middle + far)
-        return cls(ends, least, largest, spread[ends[:, 0], ends[:, 1]], LEAST_EXCESS * distances.rigidity)
+                least[k], largest[k] = max(lengths.min(), middle[k] - far), min(lengths.max(), middle[k] + far)
+        return cls(ends, least, middle, largest, spread[ends[:, 0], ends[:, 1]], LEAST_EXCESS * distances.rigidity)
 
     def restored(self, positions: Floats, sd: Floats, fixed: Bools, rate: float) -> tuple[Floats, Floats]:
         """Return positions (F, M, 3) and SD (F, M), mm, with filled samples moved towards the limits of all pairs.
 
         Samples with a large SD move most. The moves are smoothed over time, each in units of the SD, so that the path
-        stays smooth; this is repeated. The variance of a sample grows by the mean square of its move. fixed: (F, M)
-        samples that stay; those that contradict most of their partners hold no other sample.
+        stays smooth; this is repeated. The variance of a sample grows by the mean square of its move, and where it
+        still contradicts a fixed partner. fixed: (F, M) samples that stay; those that contradict most of their partners
+        hold no other sample.
         """
         filled = np.isfinite(sd) & ~fixed
         moved, limits = positions, (self.least, self.largest)
@@ -89,10 +92,25 @@ class DistanceLimits:
             relative = offsets[:, columns] / np.where(scale > 0.0, scale, 1.0)
             moved = moved.copy()
             moved[:, columns] += scale * _smoothed(relative, SMOOTHING * rate)
-        if moved is positions:
-            return positions, sd
-        squares = np.square(moved - positions).mean(axis=2)
-        return moved, np.where(filled, np.sqrt(np.square(sd) + squares), sd)
+        if moved is not positions:
+            squares = np.square(moved - positions).mean(axis=2)
+            sd = np.where(filled, np.sqrt(np.square(sd) + squares), sd)
+        return moved, np.maximum(sd, self._least_sd(moved, filled, fixed))
+
+    def _least_sd(self, positions: Floats, filled: Bools, fixed: Bools) -> Floats:
+        """Return the least SD (F, M), mm, of filled samples that contradict a fixed partner; 0 for all others.
+
+        A distance farther from its median than three times its SD is at most three times the expected error in space.
+        """
+        least = np.zeros(filled.shape)
+        deviations = np.abs(self._lengths(positions) - self.middle)
+        far = deviations > CONTRADICTION * self.spreads
+        for k in np.flatnonzero(far.any(axis=0)):
+            for own, partner in (self.ends[k], self.ends[k][::-1]):
+                frames = far[:, k] & filled[:, own] & fixed[:, partner]
+                bound = deviations[frames, k] / (CONTRADICTION * np.sqrt(3.0))
+                least[frames, own] = np.maximum(least[frames, own], bound)
+        return least
 
     def _lengths(self, positions: Floats) -> Floats:
         """Return the distances (F, E) of the pairs, mm."""

@@ -98,7 +98,7 @@ def test_a_take_without_rigid_pairs_has_no_limits(rng):
     sd = np.where(trusted, np.nan, 1.0)
     moved, same = limits.restored(positions, sd, trusted, RATE)
     assert moved is positions
-    assert same is sd
+    np.testing.assert_array_equal(same, sd)
 
 
 @pytest.mark.parametrize("measured", [[1, 2], [1]])
@@ -118,5 +118,21 @@ def test_a_measured_sample_that_contradicts_its_partners_holds_no_fill(rng):
     sd, swapped = np.where(trusted, np.nan, 1.0), positions.copy()
     # Marker 2 is at another place, as after an exchange of labels.
     swapped[120:140, 2] += [0.0, 150.0, 0.0]
-    moved, _ = limits.restored(swapped, sd, trusted, RATE)
+    moved, widened = limits.restored(swapped, sd, trusted, RATE)
     assert np.abs(moved - swapped)[120:140, 0].max() < 3.0
+    # The contradiction that is left makes the fill less sure, and no measured sample.
+    assert widened[120:140, 0].min() > 10.0
+    np.testing.assert_array_equal(np.isnan(widened), np.isnan(sd))
+
+
+def test_a_distance_far_from_its_median_is_within_three_expected_errors(rng):
+    positions = a_heel(rng)
+    trusted = hidden(positions, 100, 160, 0)
+    limits, sd = limits_of(positions, trusted), np.where(trusted, np.nan, 0.05)
+    moved, widened = limits.restored(off_course(positions, [9.0, 9.0, 0.0]), sd, trusted, RATE)
+    for k in (0, 1):
+        a, b = limits.ends[k]
+        off = np.abs(np.linalg.norm(moved[:, a] - moved[:, b], axis=1) - limits.middle[k])[100:160]
+        beyond = off > 3.0 * limits.spreads[k]
+        assert beyond.any()
+        assert (off[beyond] <= 3.0 * np.sqrt(3.0) * widened[100:160, 0][beyond] + 1e-9).all()
