@@ -48,11 +48,13 @@ def project_to_bone_lengths(
     lengths: Floats,
     weights: Floats | float = np.inf,
     precision: Floats | None = None,
+    tolerance: float = TOLERANCE,
 ) -> tuple[Floats, Floats]:
     """Return points (F, M, 3) near targets (F, M, 3) with bones of ends (E, 2) and lengths, and the error (F,).
 
     lengths: (E,), or (F, E) where they differ from frame to frame. weights: w (E,), or one for all; infinite for exact
     lengths. precision: p (F, M), the weight of the squared distance from each target, of the order of 1; 1 by default.
+    tolerance: the KKT residual at which the steps end, relative to the longest bone.
 
     Only movable (F, M) points move. A bone counts in a frame where both ends are movable or anchored (F, M), and one of
     them is movable. The error is the largest entry of the frame's KKT residual, in the unit of the targets.
@@ -75,12 +77,13 @@ def project_to_bone_lengths(
                 ends[active],
                 lengths[np.ix_(rows, active)],
                 weights[active],
+                tolerance,
             )
     return points, errors
 
 
 def _newton(
-    targets: Floats, precision: Floats, moved: Ints, ends: Ints, lengths: Floats, weights: Floats
+    targets: Floats, precision: Floats, moved: Ints, ends: Ints, lengths: Floats, weights: Floats, tolerance: float
 ) -> tuple[Floats, Floats]:
     """Return what ``project_to_bone_lengths`` does, for frames (f, M, 3) in which the same points move and bones count.
 
@@ -105,7 +108,7 @@ def _newton(
         )
         residual = np.concatenate([gradient, stretch - compliance * multipliers], axis=1)
         errors = np.abs(residual).max(axis=1)
-        if step == MOST_STEPS or errors.max() <= TOLERANCE * lengths.max():
+        if step == MOST_STEPS or errors.max() <= tolerance * lengths.max():
             break
         # P + Σ λ_e/ℓ_e L_e, the same for x, y and z
         tension = multipliers / lengths if step >= TANGENT_STEPS else np.zeros_like(multipliers)

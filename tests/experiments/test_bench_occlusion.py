@@ -8,13 +8,14 @@ import pytest
 
 from mocapclean.experiments import occlusion
 from mocapclean.experiments.occlusion import CameraRing, Cluster, NaturalMask
-from mocapclean.experiments.results import Results, Row
+from mocapclean.experiments.results import Results
 from mocapclean.experiments.trials import Capture, Entry
 from mocapclean.formats import c3d
 from mocapclean.simulate import hide, occlude_by_cameras, perform
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution
 from tests import commands
+from tests.result_rows import result_row
 
 LINEAR = Entry(method="linear")
 
@@ -133,17 +134,7 @@ def test_the_worst_pair_is_the_largest_deviation_of_a_rigid_distance(monkeypatch
 
 
 def row(take, method, error, left=0.0, pattern="3n60", **values):
-    measured = {"rmse": error, "left": left, "hidden": 100.0, "seconds": 1.0, **values}
-    return Row(
-        take=take,
-        method=method,
-        variant="",
-        parameters="{}",
-        cell={"pattern": pattern},
-        seed=0,
-        values=measured,
-        series=dict,
-    )
+    return result_row(take, method, error, pattern, **{"left": left, "hidden": 100.0, "seconds": 1.0, **values})
 
 
 def test_a_method_is_set_beside_the_best_other_that_leaves_no_more():

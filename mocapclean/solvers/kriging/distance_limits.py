@@ -27,6 +27,7 @@ With 0.015, 0.03 and 0.06 s the RMS deviation of rigid pairs in 20 captures with
 that of measured samples (5.7 without limits), and 85, 80 and 83 markers had a step above 1.5 times their own largest.
 """
 CONTRADICTION = 3.0  # SDs, and expected errors in space, beyond which a distance is no chance; three-sigma rule
+TOLERANCE = 1e-5  # of the longest distance, the residual of least squares (a few µm), far below the noise of any marker
 MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
 
 
@@ -139,7 +140,14 @@ class DistanceLimits:
             precision = np.square(median_sd / np.where(filled, least_sd, 1.0))[frames]
             weights = np.square(median_sd / np.maximum(self.spreads, self.excess))
             projected = project_to_bone_lengths(
-                positions[frames], filled[frames], fixed[frames], self.ends, wanted[frames], weights, precision
+                positions[frames],
+                filled[frames],
+                fixed[frames],
+                self.ends,
+                wanted[frames],
+                weights,
+                precision,
+                TOLERANCE,
             )[0]
             offsets[frames] = projected - positions[frames]
         return offsets

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from mocapclean.detection.joints import faults
-from mocapclean.geometry.joint_motion import JointMotion, continuous, from_vectors, times
-from mocapclean.geometry.skeleton import Channel, Skeleton
+from mocapclean.geometry.joint_motion import continuous, from_vectors, times
+from tests import joint_chain
 
 N_JOINTS, N_FRAMES = 8, 150
 PLACES = ((0, 1), (1, 2), (0, 2), (N_FRAMES - 1, N_FRAMES), (N_FRAMES - 2, N_FRAMES - 1), (N_FRAMES - 2, N_FRAMES))
@@ -15,39 +15,13 @@ PLACES = ((0, 1), (1, 2), (0, 2), (N_FRAMES - 1, N_FRAMES), (N_FRAMES - 2, N_FRA
 
 @pytest.fixture
 def skeleton():
-    """A chain of joints 300 mm apart; the root has position channels."""
-    before = np.zeros((N_JOINTS, 3))
-    before[1:, 1] = 300.0
-    shifts = [Channel(joint=0, axis=axis, is_rotation=False) for axis in range(3)]
-    turns = [Channel(joint=joint, axis=axis, is_rotation=True) for joint in range(N_JOINTS) for axis in range(3)]
-    return Skeleton(
-        names=tuple(f"joint{joint}" for joint in range(N_JOINTS)),
-        parents=tuple(range(-1, N_JOINTS - 1)),
-        before=before,
-        after=np.zeros((N_JOINTS, 3)),
-        frames=np.broadcast_to(np.eye(3), (N_JOINTS, 3, 3)).copy(),
-        channels=(*shifts, *turns),
-        product=tuple(range(3, 3 + 3 * N_JOINTS)),
-    )
+    return joint_chain.skeleton(N_JOINTS)
 
 
 @pytest.fixture
 def motion(rng):
-    """Swings of up to 40 degrees at 0.3 to 1 Hz and a root that walks at 1 m/s, at 60 Hz."""
-    time = np.arange(N_FRAMES)[:, None, None] / 60.0
-    frequency, phase = rng.uniform(0.3, 1.0, (N_JOINTS, 3)), rng.uniform(0, 6, (N_JOINTS, 3))
-    vectors = rng.uniform(10, 40, (N_JOINTS, 3)) * np.sin(2 * np.pi * frequency * time + phase)
-    translations = np.zeros((N_FRAMES, N_JOINTS, 3))
-    translations[:, 0, 1:] = np.column_stack([np.full(N_FRAMES, 900.0), 300.0 + 1000.0 * time[:, 0, 0]])
-    known = np.ones((N_FRAMES, N_JOINTS), dtype=bool)
-    return JointMotion(
-        rotations=continuous(from_vectors(vectors)),
-        translations=translations,
-        turns=known[0],
-        shifts=np.arange(N_JOINTS) == 0,
-        rotation_known=known,
-        translation_known=known,
-    )
+    """Swings and a root that walks, at 60 Hz."""
+    return joint_chain.smooth(rng, 60.0, N_JOINTS, N_FRAMES)
 
 
 def turned(motion, joints, start, stop, rng, degrees):

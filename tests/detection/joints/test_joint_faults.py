@@ -1,13 +1,13 @@
 """Faults of joints in their own channels, on smooth generated motions of a chain of joints."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from mocapclean.detection.joints import faults
 from mocapclean.geometry.joint_motion import (
-    JointMotion,
     conjugate,
     continuous,
     from_vectors,
@@ -15,46 +15,17 @@ from mocapclean.geometry.joint_motion import (
     quaternions,
     times,
 )
-from mocapclean.geometry.skeleton import Channel, Skeleton
+from tests import joint_chain
 
 N_JOINTS, N_FRAMES = 6, 200
 RATES = (30.0, 60.0, 120.0)
 
 
-def skeleton(size=1.0):
-    """A chain of joints 300 mm apart; the root has position channels."""
-    before = np.zeros((N_JOINTS, 3))
-    before[1:, 1] = 300.0 * size
-    shifts = [Channel(joint=0, axis=axis, is_rotation=False) for axis in range(3)]
-    turns = [Channel(joint=joint, axis=axis, is_rotation=True) for joint in range(N_JOINTS) for axis in range(3)]
-    return Skeleton(
-        names=tuple(f"joint{joint}" for joint in range(N_JOINTS)),
-        parents=tuple(range(-1, N_JOINTS - 1)),
-        before=before,
-        after=np.zeros((N_JOINTS, 3)),
-        frames=np.broadcast_to(np.eye(3), (N_JOINTS, 3, 3)).copy(),
-        channels=(*shifts, *turns),
-        product=tuple(range(3, 3 + 3 * N_JOINTS)),
-    )
+skeleton = partial(joint_chain.skeleton, N_JOINTS)
 
 
 def smooth(rng, rate, n_frames=N_FRAMES):
-    """A clean motion: swings of up to 40 degrees at 0.3 to 1 Hz, and a root that walks at 1 m/s."""
-    time = np.arange(n_frames)[:, None, None] / rate
-    frequency, phase = rng.uniform(0.3, 1.0, (N_JOINTS, 3)), rng.uniform(0, 6, (N_JOINTS, 3))
-    vectors = rng.uniform(10, 40, (N_JOINTS, 3)) * np.sin(2 * np.pi * frequency * time + phase)
-    translations = np.zeros((n_frames, N_JOINTS, 3))
-    translations[:, 0, 2] = 1000.0 * time[:, 0, 0]
-    translations[:, 0, 1] = 900.0 + 20.0 * np.sin(2 * np.pi * 1.8 * time[:, 0, 0])
-    known = np.ones((n_frames, N_JOINTS), dtype=bool)
-    return JointMotion(
-        rotations=continuous(from_vectors(vectors)),
-        translations=translations,
-        turns=known[0],
-        shifts=np.arange(N_JOINTS) == 0,
-        rotation_known=known,
-        translation_known=known,
-    )
+    return joint_chain.smooth(rng, rate, N_JOINTS, n_frames)
 
 
 def turned(motion, joint, frames, vector):
