@@ -14,8 +14,8 @@ from mocapclean.numerics.graduation import graduated
 LARGEST_STEP = 1.5
 """The largest step of a filled path, times that of the measured motion.
 
-It is the largest step between measured samples of the marker in the take, of its neighbours in the gap, or of the
-straight line over the gap.
+The measured motion is that of the marker in the take, of its neighbours in the gap, and of the straight line over the
+gap; the largest counts. Chosen by hand: the motion in a gap may be somewhat faster than elsewhere.
 """
 BESIDE = 2  # measured samples on each side that the path joins: their velocity counts in second differences
 LEAST_SHARE = 1e-4  # of the largest SD, that of samples which do not move; keeps the system well conditioned

@@ -23,11 +23,11 @@ ROUNDS = 4  # times that moves are made and smoothed; chosen by hand, no sweep w
 SMOOTHING = 0.03
 """SD, s, of the Gaussian by which the moves are smoothed.
 
-With 0.015, 0.03 and 0.06 s the RMS deviation of rigid pairs in 20 captures with many gaps was 2.21, 2.21 and 2.60 times
-that of measured samples (5.7 without limits), and 85, 80 and 83 markers had a step above 1.5 times their own largest.
+Chosen among 0.015, 0.03 and 0.06 s: rigid pairs deviated as little as with the first, and fewer markers stepped too far
+(``benchmarks/natural_gaps.py``).
 """
-CONTRADICTION = 3.0  # SDs, and expected errors in space, beyond which a distance is no chance; three-sigma rule
-TOLERANCE = 1e-5  # of the longest distance, the residual of least squares (a few µm), far below the noise of any marker
+CONTRADICTION = 3.0  # SDs, and expected errors in space, beyond which a distance is no chance: the three-sigma rule
+TOLERANCE = 1e-5  # of the longest distance, the residual of least squares (a few µm), far below marker noise; chosen by hand
 MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
 
 
