@@ -27,7 +27,7 @@ Chosen among 0.015, 0.03 and 0.06 s: rigid pairs deviated as little as with the 
 (``benchmarks/natural_gaps.py``).
 """
 CONTRADICTION = 3.0  # SDs, and expected errors in space, beyond which a distance is no chance: the three-sigma rule
-TOLERANCE = 1e-5  # of the longest distance, the residual of least squares (a few µm), far below marker noise; chosen by hand
+TOLERANCE = 1e-5  # of the longest distance, the residual of least squares: a few µm, below marker noise; by hand
 MIN_SAMPLE_SD = 1e-3  # of the median SD of all filled samples, the least SD of a sample; keeps the weights finite
 
 
