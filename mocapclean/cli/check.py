@@ -5,23 +5,42 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, reading, working
+from mocapclean.cli.options import AS_JSON, FILE, HTML, OVERWRITE, QUIET, TAKES, Command, examples, reading, working
 from mocapclean.cli.stages import stages_shown
 
 
-@click.command("check")
-@click.argument("places", nargs=-1, required=True, type=FILE, metavar="FILES_OR_FOLDERS...")
+@click.command(
+    "check",
+    cls=Command,
+    epilog=examples(
+        "mocapclean check captures/ --preset gait-lab",
+        "mocapclean check captures/ --config studio.yaml --junit check.xml --report check.json",
+    ),
+)
+@click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
+@click.option(
+    "--preset",
+    type=click.Choice(["gait-lab", "game", "film"]),
+    help="Limits for a purpose; those of --config and --set replace them.",
+)
+@click.option("--report", "report_file", type=FILE, help="One JSON report for all takes (default: none).")
 @click.option("--junit", "junit_file", type=FILE, help="Write JUnit XML: a suite per folder, a case per take.")
-@click.option("--json", "json_file", type=FILE, help="Write all verdicts, measures and findings as JSON.")
-@click.option("--html", type=FILE, help="Write a page with pictures of all takes, for any browser.")
-@click.option("--overwrite/--no-overwrite", default=None, help="Replace these files if they exist.")
-@click.option("-q", "--quiet/--no-quiet", default=None, help="Print only failing takes, and the totals.")
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print every exceeded limit, and what to do.")
+@click.option("--summary", type=FILE, help="Write a Markdown summary (default: add it to $GITHUB_STEP_SUMMARY).")
+@click.option(
+    "--annotations",
+    type=click.Choice(["github", "none"]),
+    help="Print an annotation for each failing take (default: github where GITHUB_ACTIONS is true).",
+)
+@HTML
+@OVERWRITE
+@AS_JSON
+@QUIET
+@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every exceeded limit, and what to do.")
 @working
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Check takes (.c3d, .bvh, .amc) against the limits under check: in the configuration.
+    """Check takes (.c3d, .bvh, .amc) against limits: of a preset, and under check: in the configuration.
 
     A folder stands for all takes in it and below it. Exits 0 when all takes pass, 1 when some fail, 2 when the command
     or the configuration is wrong.

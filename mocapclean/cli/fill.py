@@ -5,17 +5,39 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, batching, reading
+from mocapclean.cli.options import (
+    AS_JSON,
+    DICTIONARY,
+    FILE,
+    HTML,
+    METHOD,
+    OUTPUT,
+    OVERWRITE,
+    QUIET,
+    TAKES,
+    Command,
+    batching,
+    examples,
+    reading,
+)
 from mocapclean.cli.stages import stages_shown
 
 
-@click.command("fill")
-@click.argument("files", nargs=-1, type=FILE, metavar="[FILES]...")
-@click.option("-o", "--output", type=FILE, help="The repaired file, for one input; same format as the input.")
+@click.command(
+    "fill",
+    cls=Command,
+    epilog=examples(
+        "mocapclean fill take.c3d",
+        "mocapclean fill captures/ --out-dir clean/ --html report.html",
+        "mocapclean fill take.c3d --frames 100:400",
+    ),
+)
+@click.argument("files", nargs=-1, type=FILE, metavar=f"[{TAKES}]")
+@click.option("-o", "--output", type=FILE, help=f"{OUTPUT}the repaired take, for one input; same format as the input.")
 @click.option("--out-dir", type=FILE, help="Folder for the repaired files, under their own names.")
-@click.option("--overwrite/--no-overwrite", default=None, help="Replace existing outputs.")
-@click.option("--method", help="How to fill: a name from 'mocapclean methods', or auto to choose for each take.")
-@click.option("--dictionary", type=FILE, help="The file that 'mocapclean train' wrote, for llc and srmmp.")
+@OVERWRITE
+@METHOD
+@DICTIONARY
 @click.option(
     "--learn-from",
     type=FILE,
@@ -46,20 +68,20 @@ from mocapclean.cli.stages import stages_shown
 )
 @click.option("--reference", type=FILE, help="The true take; adds the RMSE of the filled samples to the report.")
 @click.option("--report", type=FILE, help="One JSON report for all takes (default: one beside each output).")
-@click.option("--html", type=FILE, help="Also write a page with pictures of all takes, for any browser.")
+@HTML
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
-@click.option("-q", "--quiet/--no-quiet", default=None, help="Print errors only.")
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print every gap and finding.")
+@QUIET
+@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every gap and finding.")
 @click.option("--resume", is_flag=True, help="Skip takes that an earlier run into --out-dir finished, if unchanged.")
-@click.option("--json", "as_json", is_flag=True, help="Print each take's row of the report as one line of JSON.")
+@AS_JSON
 @batching
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Fill the samples of FILES (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
+    """Fill the samples of takes (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
 
-    Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder among FILES
+    Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder
     stands for all takes in it and below it; --out-dir then has the same tree.
     """
     with stages_shown(options):

@@ -5,18 +5,25 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, reading
+from mocapclean.cli.options import AS_JSON, FILE, TAKES, Command, examples, reading
 from mocapclean.cli.stages import stages_shown
 
 
-@click.command("inspect")
-@click.argument("files", nargs=-1, required=True, type=FILE)
-@click.option("--json", "as_json", is_flag=True, help="Print all rows as JSON, as in a report.")
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print every gap and finding.")
+@click.command(
+    "inspect",
+    cls=Command,
+    epilog=examples("mocapclean inspect take.c3d", "mocapclean inspect captures/ --json | jq .counts"),
+)
+@click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
+@AS_JSON
+@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every gap and finding.")
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Show markers, frames, rate, gaps and findings of FILES (.c3d, .bvh, .amc). Writes nothing."""
+    """Show markers, frames, rate, gaps and findings of takes (.c3d, .bvh, .amc). Writes nothing.
+
+    A folder stands for all takes in it and below it.
+    """
     with stages_shown(options):
         from mocapclean.cli.work import inspect
 

@@ -4,11 +4,13 @@ from typing import Any
 
 import click
 
+from mocapclean.cli import completing
 from mocapclean.cli.guard import guarded
+from mocapclean.cli.options import Command, examples
 
 
-@click.command("methods")
-@click.argument("names", nargs=-1)
+@click.command("methods", cls=Command, epilog=examples("mocapclean methods", "mocapclean methods kriging"))
+@click.argument("names", nargs=-1, shell_complete=completing.methods)
 @guarded
 def command(**options: Any) -> int:
     """List the methods, or show NAMES in full: model, source, parameters."""

@@ -5,20 +5,20 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE
+from mocapclean.cli.options import FILE, OUTPUT, TAKES, Command, examples, overwriting
 
 
-@click.command("report")
+@click.command("report", cls=Command, epilog=examples("mocapclean report all.json captures/ clean/ -o report.html"))
 @click.argument("report", type=FILE)
-@click.argument("takes", nargs=-1, type=FILE, metavar="[TAKES]...")
-@click.option("-o", "--output", type=FILE, required=True, help="The page to write.")
-@click.option("--overwrite", is_flag=True, help="Replace the page if it exists.")
+@click.argument("files", nargs=-1, type=FILE, metavar=f"[{TAKES}]")
+@click.option("-o", "--output", type=FILE, required=True, help=f"{OUTPUT}a page, .html.")
+@overwriting(default=False)
 @guarded
 def command(**options: Any) -> int:
     """Write the page of REPORT, a JSON report of fill or check, for any browser.
 
     Captures, repaired files and sidecars that are not in the places that the report names are looked for by name
-    among TAKES, which are files and folders. A take whose files are not found has its numbers in the page, without
+    among FILES_OR_FOLDERS. A take whose files are not found has its numbers in the page, without
     pictures.
     """
     from mocapclean.cli.work import report

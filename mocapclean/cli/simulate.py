@@ -5,12 +5,18 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE
+from mocapclean.cli.options import FILE, Command, examples, overwriting, seed
 from mocapclean.simulate import FAULTS, MOTIONS
 from mocapclean.units import MILLIMETRES
 
 
-@click.command("simulate")
+@click.command(
+    "simulate",
+    cls=Command,
+    epilog=examples(
+        "mocapclean simulate --out-dir demo/", "mocapclean simulate --out-dir demo/ --motion walk --faults all"
+    ),
+)
 @click.option("--out-dir", type=FILE, required=True, help="Folder for the takes; made if it does not exist.")
 @click.option("--motion", multiple=True, type=click.Choice(list(MOTIONS)), help="Simulate this motion (default: all).")
 @click.option("--seconds", type=float, default=10.0, show_default=True, help="Length of each take.")
@@ -39,8 +45,8 @@ from mocapclean.units import MILLIMETRES
     "--fault-size", type=float, default=1.0, show_default=True, help="1: spikes of 20 mm; 2: spikes of 40 mm."
 )
 @click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, but state mm.")
-@click.option("--seed", type=int, default=0, show_default=True, help="The same seed gives the same files.")
-@click.option("--overwrite", is_flag=True, help="Replace existing files.")
+@seed()
+@overwriting(default=False)
 @guarded
 def command(**options: Any) -> int:
     """Write simulated takes with gaps (NAME) and complete (NAME_truth), as C3D, BVH and AMC with ASF.

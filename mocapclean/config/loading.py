@@ -8,6 +8,7 @@ from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
 
+from mocapclean.config.presets import with_preset
 from mocapclean.config.sections import Sections
 from mocapclean.config.settings import DEFAULT_METHOD, Settings
 from mocapclean.errors import ConfigError
@@ -49,6 +50,8 @@ def resolve(path: Path | None, options: Mapping[str, Any], assignments: Sequence
     values.update(options)
     for assignment in assignments:
         _assign(values, assignment)
+    if "check" in values:
+        values["check"] = with_preset(values["check"])
     settings = _validated(values, path, tree)
     contradictions = [f"{path or 'command line'}: {message}" for message in _contradictions(settings)]
     if contradictions:
@@ -160,16 +163,16 @@ def _keys(location: tuple[int | str, ...]) -> Iterator[str]:
     """Yield the part of an error's location that consists of keys of the settings."""
     section: Any = Settings
     for key in location:
-        names = _names(section)
+        names = names_of(section)
         if names is None and isinstance(key, str):
             return  # the name of one of several possible types
         yield str(key)
         if names is None or key not in names:
             return
-        section = _inside(section, str(key))
+        section = section_of(section, str(key))
 
 
-def _names(section: Any) -> Sequence[str] | None:
+def names_of(section: Any) -> Sequence[str] | None:
     """Return the keys of a section; None for the type of a value."""
     if not isinstance(section, type):
         return None
@@ -178,7 +181,7 @@ def _names(section: Any) -> Sequence[str] | None:
     return list(annotations(section)) if is_dataclass(section) else None
 
 
-def _inside(section: type, key: str) -> Any:
+def section_of(section: type, key: str) -> Any:
     """Return the section, or the type of the value, under a key of a section."""
     return section.modules[key].Params if issubclass(section, Sections) else annotations(section)[key]
 
@@ -192,8 +195,8 @@ def _message(error: "ErrorDetails", path: Path | None, tree: Mapping[str, Any]) 
     if error["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         section: Any = Settings
         for key in keys[:-1]:
-            section = _inside(section, key)
-        allowed = sorted(_names(section) or ())
+            section = section_of(section, key)
+        allowed = sorted(names_of(section) or ())
         similar = get_close_matches(keys[-1], allowed, n=1)
         hint = f" Did you mean {similar[0]!r}?" if similar else ""
         return f"{source}: unknown key {name!r}.{hint} Allowed: {', '.join(allowed) or 'none'}."

@@ -6,6 +6,8 @@ from dataclasses import field, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+from mocapclean.config.presets import PRESETS
+from mocapclean.config.ranges import EventNames, FrameNumbers
 from mocapclean.config.sections import Sections
 from mocapclean.detection import RULES
 from mocapclean.evaluation.self_check import Params as HidingParams
@@ -98,6 +100,12 @@ class MarkerLimits:
 class TakeLimits(MarkerLimits):
     """Limits of ``mocapclean check`` for a take. A limit of None is not checked."""
 
+    preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
+    """Limits for a purpose, in the place of those that are not set."""
+    longest_inner_gap: Positive | None = None
+    """Seconds missing in a row of a marker that is seen before and after."""
+    replaced: NotNegative | None = 10.0
+    """Percentage of all samples that a fill would replace, because trust rules distrust them."""
     markers: dict[str, MarkerLimits] = field(default_factory=dict)
     """Limits by marker; wildcards allowed."""
     required: tuple[str, ...] = ()
@@ -141,6 +149,10 @@ class Settings:
     """Unit of length, in place of the file's own: mm, cm, m, in, ft, or millimetres per unit."""
     gaps: Path | None = None
     """CSV of distrusted spans: marker,first,last."""
+    frames: Annotated[str, FrameNumbers()] | None = None
+    """Only these frames are judged and repaired, by their numbers in the file: first:last, first: or :last."""
+    events: Annotated[str, EventNames()] | None = None
+    """Only the frames from the first event of a name to the next one of another name: start:end (C3D)."""
     max_gap: AtLeastOne | None = None
     """Gaps of more frames stay unfilled."""
     replace: Literal["sure", "suspicious", "missing"] = "sure"

@@ -13,13 +13,13 @@ from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, T
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.choose import checked_before_filling
+from mocapclean.pipeline.frame_range import within
 from mocapclean.pipeline.outcome import Breach, Outcome, Verdict
-from mocapclean.pipeline.prepare import prepare
+from mocapclean.pipeline.prepare import Prepared, prepare
 from mocapclean.pipeline.summary import bone_reports, summarise
 from mocapclean.pipeline.view import Keep, View, view
 from mocapclean.take import Take
 from mocapclean.take.names import matching_columns
-from mocapclean.take.status import detected
 
 
 @dataclass(frozen=True)
@@ -59,19 +59,21 @@ def unchecked(source: Path, limit: str, message: str, advice: str) -> Verdict:
 def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
     """Return the verdict on a take; raises what reading and detection raise."""
     prepared = prepare(source, settings)
-    take = prepared.selected
+    whole = prepared.selected
+    take = within(whole, prepared.frames)
     inspected: Outcome | None = None
     if keep is not None:
-        codes = detected(take)
-        keep(view(prepared.whole, take, prepared.whole, take, codes, None))
-        inspected = replace(summarise(take, take, codes, settings), source=source, status="inspected")
+        keep(view(prepared.whole, whole, prepared.whole, whole, prepared.codes, None))
+        inspected = replace(summarise(whole, whole, prepared.codes, settings), source=source, status="inspected")
     limits = settings.check
     missing = take.distrusted_by("missing") | take.distrusted_by("user")
-    _, bones, _ = bone_reports(take, take)
+    _, bones, _ = bone_reports(whole, whole, prepared.frames)
     bone = max(bones, key=lambda bone: bone.before.deviation or 0.0, default=None)
     measures: dict[str, float] = {
         "longest_gap": max(_longest_run(column)[0] for column in missing.T),
+        "longest_inner_gap": round(max(map(_longest_inner_run, missing.T)) / take.rate, 6),
         "missing": _percent(missing),
+        "replaced": _percent(~take.trusted & ~missing),
         "distrusted": _percent((~take.trusted & ~missing) | take.suspicious),
         "swaps": sum(finding.rule == "swap" for finding in take.findings) // 2,
         "bone_deviation": round((bone.before.deviation or 0.0) if bone else 0.0, 3),
@@ -85,13 +87,13 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
         *_required_breaches(take, limits),
     ]
     if limits.expected_error is not None:
-        error, why = _self_check_error(take, settings)
+        error, why = _self_check_error(prepared, settings)
         if error is not None:
             measures["expected_error"] = round(error, 3)
         breaches += _error_breaches(error, why, limits.expected_error)
     return Verdict(
         source=source,
-        format=take.origin.format if take.origin else source.suffix[1:].lower(),
+        format=prepared.format,
         n_frames=len(take.trusted),
         n_markers=len(take.markers),
         first_frame=take.first_frame,
@@ -112,10 +114,18 @@ def _longest_run(column: Bools) -> tuple[int, int]:
     return max(((int(stop - start), int(start)) for start, stop in runs(column)), default=(0, 0))
 
 
+def _longest_inner_run(column: Bools) -> int:
+    """Return the length of the longest run of a mask (F,) that touches neither end."""
+    inner = (int(stop - start) for start, stop in runs(column) if start > 0 and stop < len(column))
+    return max(inner, default=0)
+
+
 def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: TakeLimits) -> Iterator[Breach]:
     """Yield the breaches of limits on the take as a whole."""
     for name, what, unit, advice in (
+        ("longest_inner_gap", "is the longest gap of a marker that is seen before and after", " s", "fill the take"),
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
+        ("replaced", "of all samples would be replaced by a fill", " %", "read the findings; label the take again"),
         ("distrusted", "of all samples are distrusted or suspicious", " %", "read the findings"),
         ("swaps", "pairs of labels are swapped", "", "exchange them: mocapclean fill --fix-swaps"),
         ("bone_deviation", f"off its length is {bone}", " mm", "look at the labels of its markers"),
@@ -212,14 +222,15 @@ def _required_breaches(take: Take, limits: TakeLimits) -> Iterator[Breach]:
             )
 
 
-def _self_check_error(take: Take, settings: Settings) -> tuple[float | None, str]:
+def _self_check_error(prepared: Prepared, settings: Settings) -> tuple[float | None, str]:
     """Return the 3D RMS error, mm, of the method on hidden samples, or None and the reason."""
-    if take.trusted.all():
+    take, wanted = prepared.selected, prepared.touched
+    if not wanted.any():
         return 0.0, ""
     method = DEFAULT_METHOD if settings.method == "auto" else settings.method
     library = load(settings.dictionary) if settings.dictionary else None
     with progress.within("self-check"):
-        checked = checked_before_filling(method, take, np.ones_like(take.trusted), settings, library)
+        checked = checked_before_filling(method, take, wanted, settings, library)
     error = checked.total.error
     return (error.rmse_3d, "") if error else (None, checked.because or "no hidden sample could be filled")
 

@@ -8,14 +8,13 @@ from mocapclean.config.settings import Settings
 from mocapclean.pipeline.outcome import Outcome
 from mocapclean.pipeline.prepare import prepare
 from mocapclean.pipeline.summary import summarise
-from mocapclean.take.status import detected
 
 
 def inspect(source: Path, settings: Settings) -> Outcome:
     """Read and detect, write nothing. Raises what reading raises."""
     prepared = prepare(source, settings)
     selected = prepared.selected
-    outcome = summarise(selected, selected, detected(selected), settings)
+    outcome = summarise(selected, selected, prepared.codes, settings)
     return replace(outcome, source=source, status="inspected", format=prepared.format, source_sha256=digest(source))
 
 

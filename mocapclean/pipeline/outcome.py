@@ -90,7 +90,7 @@ class Counts:
     samples: all. untrusted: missing or distrusted. filled: supplied by the method, the replaced ones included.
     replaced: measured in the file and supplied nevertheless, because a rule or the user distrusts them. left: untrusted
     and not filled. moved: trusted and moved as asked. suspicious: reported by a rule and left as they are.
-    invalidated: marked missing in the output.
+    invalidated: marked missing in the output. outside: of the frames that are not judged, in none of the other numbers.
     """
 
     samples: int
@@ -102,6 +102,7 @@ class Counts:
     moved: int
     suspicious: int
     invalidated: int
+    outside: int
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -122,7 +123,8 @@ class Outcome:
 
     status is "repaired", "unchanged", "inspected", "skipped" or "failed". statuses: how many samples have each status.
     largest_move: mm, the largest distance between a replaced sample in the file and in the output. outdated: the
-    carried points that may have been computed from a changed marker.
+    carried points that may have been computed from a changed marker. judged: the first and last number of the frames
+    that are judged and repaired; None for all.
     contacts_broken: joint, first and last frame number of the contacts that the repair breaks; None for markers.
     Lengths are millimetres, spans are half-open indices.
     """
@@ -140,6 +142,7 @@ class Outcome:
     n_frames: int = 0
     n_markers: int = 0
     first_frame: int = 1
+    judged: tuple[int, int] | None = None
     rate: float = 0.0
     method: str = ""
     choice: MethodChoice | None = None

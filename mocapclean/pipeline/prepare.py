@@ -7,14 +7,16 @@ from typing import Any
 import numpy as np
 
 from mocapclean import formats, progress
-from mocapclean.arrays import Bools, Ints
+from mocapclean.arrays import Bools, Ints, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.detection import detect
 from mocapclean.detection.spans import distrust, read_spans
 from mocapclean.errors import UsageError
+from mocapclean.pipeline.frame_range import chosen_frames
 from mocapclean.take import Take
 from mocapclean.take.bones import check_names
 from mocapclean.take.names import is_pattern, matching_columns, matching_joints, similar_names
+from mocapclean.take.status import Codes, detected, leave_outside
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +25,32 @@ class Prepared:
 
     whole: all markers of the file. selected: the markers that ``--exclude`` leaves, after detection; with poses all
     joints, because each is part of the skeleton. columns: the place of each selected marker in the whole take.
-    excluded: those selected joints (M,) that ``--exclude`` names.
+    excluded: those selected joints (M,) that ``--exclude`` names. frames: those to judge and repair, as indices; all
+    others keep what the file has, and methods may learn from them.
     """
 
     whole: Take
     selected: Take
     columns: Ints
     excluded: Bools
+    frames: slice
+
+    @property
+    def codes(self) -> Codes:
+        """The status (F, M) of the selected samples after detection."""
+        codes = detected(self.selected)
+        inside = np.zeros(len(codes), dtype=bool)
+        inside[self.frames] = True
+        leave_outside(codes, inside)
+        return codes
+
+    @property
+    def touched(self) -> Bools:
+        """The samples (F, M) of the gaps that lie in the frames to repair, in whole or in part."""
+        gaps = np.zeros_like(self.selected.trusted)
+        for marker, start, stop in column_runs(~self.selected.trusted):
+            gaps[start:stop, marker] = start < self.frames.stop and stop > self.frames.start
+        return gaps
 
     @property
     def format(self) -> str:
@@ -42,18 +63,15 @@ class Prepared:
         return self.whole.origin.largest if self.whole.origin else np.inf
 
     def with_selected(self, selected: Take) -> Take:
-        """Return the whole take with the selected markers replaced by their processed version."""
+        """Return the whole take in which the selected markers are their processed version, in the frames to repair."""
         arrays = {name: getattr(self.whole, name).copy() for name in ("positions", "trusted", "filled", "moved")}
         for name, array in arrays.items():
-            array[:, self.columns] = getattr(selected, name)
-        return replace(
-            self.whole,
-            findings=selected.findings,
-            exchanged=selected.exchanged,
-            poses=selected.poses,
-            known=selected.known,
-            **arrays,
-        )
+            array[self.frames, self.columns] = getattr(selected, name)[self.frames]
+        for name in ("poses", "known"):
+            if getattr(self.whole, name) is not None:
+                arrays[name] = getattr(self.whole, name).copy()
+                arrays[name][self.frames] = getattr(selected, name)[self.frames]
+        return replace(self.whole, findings=selected.findings, exchanged=selected.exchanged, **arrays)
 
 
 def prepare(source: Path, settings: Settings) -> Prepared:
@@ -63,6 +81,7 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     """
     progress.stage("reading")
     whole = _read(source, settings)
+    frames = chosen_frames(whole, settings)
     excluded = np.zeros(len(whole.markers), dtype=bool)
     for pattern in settings.exclude:
         # A pattern of carried points alone excludes nothing, because they are left out already.
@@ -78,8 +97,28 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     rules = {name: rule for name, rule in settings.rules.items() if name != "missing"}
     with progress.within("detecting"):
         found = detect(selected, rules, fix_swaps=settings.fix_swaps, replace=settings.replace)
+    found = _exchanged_within(frames, found, selected)
     selected = _without(found, selected, excluded[columns])
-    return Prepared(whole=whole, selected=selected, columns=columns, excluded=excluded[columns])
+    return Prepared(whole=whole, selected=selected, columns=columns, excluded=excluded[columns], frames=frames)
+
+
+def _exchanged_within(frames: slice, found: Take, before: Take) -> Take:
+    """Return a take after detection in which labels are exchanged in these frames alone.
+
+    Elsewhere the samples of an exchange are as they were before it, and are not trusted.
+    """
+    if not found.exchanged:
+        return found
+    back = found.moved.copy()
+    back[frames] = False
+    cut = (replace(e, start=max(e.start, frames.start), stop=min(e.stop, frames.stop)) for e in found.exchanged)
+    return replace(
+        found,
+        positions=np.where(back[..., None], before.positions, found.positions),
+        trusted=found.trusted & ~back,
+        moved=found.moved & ~back,
+        exchanged=tuple(each for each in cut if each.start < each.stop),
+    )
 
 
 def _without(found: Take, before: Take, excluded: Bools) -> Take:

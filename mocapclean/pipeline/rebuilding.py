@@ -13,7 +13,7 @@ from mocapclean.errors import FormatError, UsageError
 from mocapclean.pipeline.view import View, view
 from mocapclean.take import Finding, Take
 from mocapclean.take.names import matching_columns
-from mocapclean.take.status import Codes, Status, detected
+from mocapclean.take.status import Codes, Status, detected, leave_outside
 from mocapclean.units import MILLIMETRES
 
 _EXPECTED_PER_SD = 3**0.5  # the expected 3D error of a gap over the sd of a coordinate
@@ -145,6 +145,10 @@ def _from_row(row: Mapping[str, Any], before: Take, after: Take) -> tuple[Codes,
             codes[span] = np.where(supplied, answer, codes[span])
             if gap["expected_3d"] is not None:
                 sd[span] = np.where(supplied, gap["expected_3d"] / _EXPECTED_PER_SD, np.nan)
+    if judged := row.get("judged_frames"):
+        inside = np.zeros(len(codes), dtype=bool)
+        inside[slice(*_span(judged, before))] = True
+        leave_outside(codes, inside)
     return codes, None if np.isnan(sd).all() else sd
 
 

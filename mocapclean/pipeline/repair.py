@@ -29,7 +29,7 @@ from mocapclean.pipeline.summary import Turns, summarise, with_accuracy
 from mocapclean.pipeline.view import Keep, view
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Solution, Take
-from mocapclean.take.status import Codes, Status, decide, detected, supplied, supply, undecided, withdraw
+from mocapclean.take.status import Codes, Status, counted, decide, supplied, supply, undecided, withdraw
 
 _WRITER_REASONS = {"fit": Status.NO_POSE, "write": Status.STORED_AS_MISSING}
 """What the finding of a writer, by its rule, means for samples that it could not write."""
@@ -73,11 +73,11 @@ def _repair(
     selected, learnt_from = with_session(prepared.selected, source, source_sha256, session)
     truth = read_reference(selected, settings)
     library = load(settings.dictionary) if settings.dictionary else None
-    codes = detected(selected)
+    codes = prepared.codes
     wanted = _request(prepared, codes, settings)
     checks_itself = settings.checks_itself
     settings, choice, checked = settle_method(selected, wanted, settings, library)
-    if selected.trusted.all():
+    if not prepared.touched.any():
         nothing = np.zeros_like(selected.trusted)
         solution = Solution(positions=selected.positions, filled=nothing, reason="nothing to fill")
     else:
@@ -140,8 +140,8 @@ def _removed_on_failure(output: Path) -> Iterator[None]:
 
 
 def _request(prepared: Prepared, codes: Codes, settings: Settings) -> Bools:
-    """Return the samples (F, M) that the options allow to be filled, and set the status of untrusted ones that stay
-    unfilled.
+    """Return the samples (F, M) of gaps that the options allow to be filled, and set the status of untrusted ones that
+    stay unfilled. A gap that is partly outside of the frames to repair counts as a whole.
     """
     selected = prepared.selected
     asked_for = np.full(selected.trusted.shape, not settings.markers)
@@ -156,7 +156,7 @@ def _request(prepared: Prepared, codes: Codes, settings: Settings) -> Bools:
         for marker, start, stop in column_runs(~selected.trusted):
             too_long[start:stop, marker] = stop - start > settings.max_gap
     decide(codes, too_long, Status.TOO_LONG)
-    return np.asarray(asked_for & ~too_long)
+    return np.asarray(asked_for & prepared.touched & ~too_long)
 
 
 def _error_bars(selected: Take, solution: Solution, wanted: Bools, settings: Settings) -> Floats | None:
@@ -203,7 +203,7 @@ def _set_final_status(
     decide(codes, ~solution.filled & _gaps_at_ends(selected), Status.AT_END)
     decide(codes, ~solution.filled, Status.NO_ANSWER)
     uncertain = Status.TOO_UNCERTAIN if settings.max_error is not None else Status.POOR
-    decide(codes, _too_uncertain(selected, sd, settings), uncertain)
+    decide(codes, _too_uncertain(selected, sd, counted(codes), settings), uncertain)
     # A coordinate that is not finite stays in, for the writer to refuse: it would be a fault of the method.
     size = np.abs(solution.positions)
     out_of_range: Bools = np.any(np.isfinite(size) & (size > prepared.largest), axis=2)
@@ -221,7 +221,7 @@ def _bending(selected: Take, solution: Solution, codes: Codes) -> Bools:
     worse = np.zeros_like(selected.trusted)
     if selected.skeleton is None:
         bent = bending(selected, merge(selected, solution, undecided(codes)))
-        for marker, start, stop in column_runs(~selected.trusted):
+        for marker, start, stop in column_runs(~selected.trusted & counted(codes)):
             worse[start:stop, marker] = bent[start:stop, marker].any()
     return worse
 
@@ -234,11 +234,11 @@ def _gaps_at_ends(selected: Take) -> Bools:
     return at_ends
 
 
-def _too_uncertain(selected: Take, sd: Floats | None, settings: Settings) -> Bools:
-    """Return the samples (F, M) of gaps whose expected 3D error is above the limit."""
+def _too_uncertain(selected: Take, sd: Floats | None, inside: Bools, settings: Settings) -> Bools:
+    """Return the samples (F, M) of gaps inside the frames to repair whose expected 3D error is above the limit."""
     uncertain = np.zeros_like(selected.trusted)
     if sd is not None:
-        for marker, start, stop in column_runs(~selected.trusted):
+        for marker, start, stop in column_runs(~selected.trusted & inside):
             expected = metrics.expected_error(sd[start:stop, marker])
             uncertain[start:stop, marker] = settings.too_uncertain(expected)
     return uncertain

@@ -50,7 +50,7 @@ def read_session(paths: Iterable[Path], settings: Settings) -> tuple[SessionTake
 
     Raises FormatError for a file that cannot be read, UsageError for one that has joints instead of markers.
     """
-    settings = settings.but(gaps=None, markers=(), exclude=(), fix_swaps=False, skeleton=None)
+    settings = settings.but(gaps=None, markers=(), exclude=(), fix_swaps=False, skeleton=None, frames=None, events=None)
     found: dict[str, SessionTake] = {}
     for path in paths:
         take = prepare(path, settings).selected

@@ -12,10 +12,11 @@ from mocapclean.config.settings import Settings
 from mocapclean.evaluation import metrics
 from mocapclean.geometry.joint_motion import angles_between, joint_motion
 from mocapclean.geometry.skeleton import Skeleton
+from mocapclean.pipeline.frame_range import touching
 from mocapclean.pipeline.outcome import BoneReport, Counts, GapReport, Outcome
 from mocapclean.take import Take
 from mocapclean.take.bones import bones_of
-from mocapclean.take.status import Codes, Status, supplied
+from mocapclean.take.status import Codes, Status, counted, supplied
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +45,13 @@ def summarise(
     every sample. sd: (F, M) mm, the error bars of what the method answered, NaN elsewhere, or None if it gives none.
     turns: for takes with poses.
     """
+    inside = np.flatnonzero(counted(codes).any(axis=1))
+    frames = slice(int(inside[0]), int(inside[-1]) + 1) if inside.size else slice(0, len(codes))
     counts = _counts(before, codes, settings)
     moves = _moves(before, after, codes)
     limit = settings.left_limit(counts.samples)
     too_many = limit is not None and counts.left > limit
-    bones_from, bones, skeleton_rmse = bone_reports(before, after)
+    bones_from, bones, skeleton_rmse = bone_reports(before, after, frames)
     return Outcome(
         source=Path(),
         status="repaired" if counts.filled or counts.moved or counts.invalidated else "unchanged",
@@ -57,12 +60,13 @@ def summarise(
         n_frames=len(before.trusted),
         n_markers=len(before.markers),
         first_frame=before.first_frame,
+        judged=None if counts.outside == 0 else before.numbers(frames.start, frames.stop),
         rate=before.rate,
         counts=counts,
         statuses=_statuses(codes),
         largest_move=_largest(moves),
         gaps=_with_turns(_gaps(before, codes, moves, settings, sd), before, after, codes, turns or Turns()),
-        findings=after.findings,
+        findings=touching(after.findings, frames),
         bones_from=bones_from,
         bones=bones,
         skeleton_rmse=skeleton_rmse,
@@ -70,11 +74,12 @@ def summarise(
 
 
 def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
-    untrusted = ~before.trusted
-    missing = before.distrusted_by("missing")
+    inside = counted(codes)
+    untrusted = ~before.trusted & inside
+    missing = before.distrusted_by("missing") & inside
     left = untrusted & ~supplied(codes)
     return Counts(
-        samples=untrusted.size,
+        samples=int(inside.sum()),
         untrusted=int(untrusted.sum()),
         missing=int(missing.sum()),
         filled=int(supplied(codes).sum()),
@@ -83,6 +88,7 @@ def _counts(before: Take, codes: Codes, settings: Settings) -> Counts:
         moved=int((codes == Status.MOVED).sum()),
         suspicious=int((codes == Status.SUSPICIOUS).sum()),
         invalidated=int((left & ~missing).sum()) if settings.invalidate else 0,
+        outside=int((~inside).sum()),
     )
 
 
@@ -156,7 +162,7 @@ def _gaps(before: Take, codes: Codes, moves: Floats, settings: Settings, sd: Flo
     """Return a report of every run of untrusted samples."""
     rules = {name: before.distrusted_by(name) for name in dict.fromkeys(f.rule for f in before.findings if f.frames)}
     gaps = []
-    for marker, start, stop in column_runs(~before.trusted):
+    for marker, start, stop in column_runs(~before.trusted & counted(codes)):
         span = (slice(start, stop), marker)
         n_filled = int(supplied(codes[span]).sum())
         expected = metrics.expected_error(sd[span]) if sd is not None else None
@@ -183,15 +189,20 @@ def _status_of(codes: Codes) -> Status:
     return Status(Counter((left if left.size else codes).tolist()).most_common(1)[0][0])
 
 
-def bone_reports(before: Take, after: Take) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
-    """Return where the bones come from, each bone before and after, and the RMS length error before and after, mm."""
+def bone_reports(
+    before: Take, after: Take, frames: slice
+) -> tuple[str, tuple[BoneReport, ...], tuple[float | None, float | None]]:
+    """Return where the bones come from, each bone before and after, and the RMS length error before and after, mm.
+
+    frames: those that are measured. The reference of a rigid pair is from all frames.
+    """
     source, bones = bones_of(before)
     columns = {name: column for column, name in enumerate(before.markers)}
     ends = np.array([(columns[b.start], columns[b.end]) for b in bones], dtype=np.intp).reshape(-1, 2)
     lengths = np.array([b.length for b in bones])
-    states = [(before.positions, before.trusted)]
+    states = [(before.positions[frames], before.trusted[frames])]
     if after is not before:
-        states.append((after.positions, before.trusted | after.filled))
+        states.append((after.positions[frames], (before.trusted | after.filled)[frames]))
     measured = [metrics.bone_lengths(*state, ends, lengths) for state in states]
     errors = [metrics.skeleton_rmse(*state, ends, lengths) for state in states]
     reports = tuple(

@@ -10,7 +10,7 @@ from mocapclean.arrays import Bools, Floats
 from mocapclean.geometry.distances import rigidity
 from mocapclean.geometry.upright import up_axis
 from mocapclean.take import Event, Take
-from mocapclean.take.status import Codes, supplied
+from mocapclean.take.status import Codes, counted, supplied
 
 _CUSTOM = 2.0  # how much more the y axis of a skeleton counts; chosen by hand, for dancers who lie or bend
 _NEIGHBOURS = 4  # most neighbours of a marker in a picture; chosen by hand, so that they can be read
@@ -43,7 +43,7 @@ class View:
     def in_output(self) -> Bools:
         """The samples (F, M) that the output has."""
         finite = np.isfinite(self.after.positions).all(axis=2)
-        kept = self.before.trusted if self.invalidated else self.in_file
+        kept = self.before.trusted | ~counted(self.codes) if self.invalidated else self.in_file
         return np.asarray(finite & (kept | supplied(self.codes)))
 
     def neighbours(self) -> list[list[int]]:

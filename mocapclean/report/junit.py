@@ -10,9 +10,13 @@ from mocapclean.pipeline.outcome import Verdict
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def junit(verdicts: Sequence[Verdict]) -> bytes:
-    """Return the XML document, in the form that Jenkins, GitLab and GitHub's viewers read (one ``failure`` a case)."""
-    root = ElementTree.Element("testsuites", _totals("mocapclean check", verdicts))
+def junit(verdicts: Sequence[Verdict], preset: str | None = None) -> bytes:
+    """Return the XML document, in the form that Jenkins, GitLab and GitHub's viewers read (one ``failure`` a case).
+
+    preset: the name of the preset of limits, for the name of the document.
+    """
+    name = f"mocapclean check, preset {preset}" if preset else "mocapclean check"
+    root = ElementTree.Element("testsuites", _totals(name, verdicts))
     folders: dict[Path, list[Verdict]] = {}
     for verdict in verdicts:
         folders.setdefault(verdict.source.parent, []).append(verdict)

@@ -14,7 +14,7 @@ from mocapclean.json_values import plain
 from mocapclean.pipeline.outcome import GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
-SCHEMA = 5  # version of the schema, raised with every change of the report
+SCHEMA = 6  # version of the schema, raised with every change of the report
 
 _STATUSES = ("repaired", "unchanged", "failed", "skipped")
 _COUNTS = ("samples", "untrusted", "filled", "replaced", "left", "suspicious")
@@ -137,6 +137,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
         "format": outcome.format,
         "frames": outcome.n_frames,
         "first_frame": first,
+        "judged_frames": None if outcome.judged is None else dict(zip(("first", "last"), outcome.judged, strict=True)),
         "markers": outcome.n_markers,
         "rate": outcome.rate,
         "method": outcome.method,

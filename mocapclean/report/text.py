@@ -22,6 +22,7 @@ def summary(outcome: Outcome, *, verbose: bool = False, report: Path | None = No
     lines = [
         f"{outcome.source} -> {outcome.output}",
         _line("take", _shape(outcome)),
+        *_judged(outcome),
         *_untrusted(outcome),
         *_chosen(outcome),
         _line("filled", _filled(outcome)),
@@ -51,6 +52,7 @@ def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
     lines = [
         f"{outcome.source}",
         _line("take", _shape(outcome)),
+        *_judged(outcome),
         *_untrusted(outcome),
         *_bones(outcome),
         *_findings(outcome.findings, outcome.first_frame, verbose),
@@ -128,6 +130,14 @@ def _shape(outcome: Outcome) -> str:
         f"{outcome.format.upper()}, {columns} x {_count(outcome.n_frames, 'frame')} "
         f"({first}-{last}) at {outcome.rate:g} Hz, {seconds:.1f} s"
     )
+
+
+def _judged(outcome: Outcome) -> Iterable[str]:
+    """Yield which frames are judged and counted, where these are not all."""
+    if outcome.judged is not None and outcome.counts is not None:
+        first, last = outcome.judged
+        outside = f"the {outcome.counts.outside:,} samples outside stay as they are and are not counted"
+        yield _line("frames", f"{first}-{last} alone; {outside}")
 
 
 def _untrusted(outcome: Outcome) -> Iterable[str]:

@@ -30,6 +30,7 @@ KINDS = (
     Kind("missing", "#3f4a56", "x", "", 5),
     Kind("distrusted", "#d55e00", "inverted_triangle", "right_diagonal_line", 6),
     Kind("left", "#d55e00", "x", "cross", 7),
+    Kind("outside", "#c8cdd2", "dot", "", -1),
 )
 
 _KIND_OF = {
@@ -40,6 +41,7 @@ _KIND_OF = {
     Status.SUSPICIOUS: "suspicious",
     Status.MISSING: "missing",
     Status.DISTRUSTED: "distrusted",
+    Status.OUTSIDE: "outside",
 }
 
 

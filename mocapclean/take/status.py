@@ -38,6 +38,7 @@ class Status(IntEnum):
     POOR = 16
     SUSPICIOUS = 17
     BENDING = 18
+    OUTSIDE = 19
 
     @property
     def code(self) -> str:
@@ -70,6 +71,7 @@ MEANINGS = {
     Status.POOR: "left: in a gap whose expected error is graded poor; --fill-poor fills it",
     Status.SUSPICIOUS: "as it is in the file, although a rule reports it; --replace suspicious fills it",
     Status.BENDING: "left: the answer would change the distance to a rigid partner too much; --fill-poor fills it",
+    Status.OUTSIDE: "as it is in the file, outside of --frames or --events: neither judged nor counted",
 }
 
 _SENTENCES = {
@@ -96,6 +98,16 @@ def detected(take: Take) -> Codes:
     in_file = np.where(take.suspicious, Status.SUSPICIOUS, Status.MEASURED)
     trusted = np.where(take.moved, Status.MOVED, in_file)
     return np.where(take.trusted, trusted, untrusted).astype(np.uint8)
+
+
+def leave_outside(codes: Codes, inside: Bools) -> None:
+    """Give all samples of the frames that are not ``inside`` (F,) the status of samples outside, in place."""
+    codes[~inside] = Status.OUTSIDE
+
+
+def counted(codes: Codes) -> Bools:
+    """Return which samples (F, M) are judged and counted: those of the frames inside."""
+    return np.asarray(codes != Status.OUTSIDE)
 
 
 def undecided(codes: Codes) -> Bools:

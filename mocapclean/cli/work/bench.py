@@ -10,7 +10,7 @@ from tqdm import tqdm
 
 from mocapclean import formats
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import millimetres
+from mocapclean.cli.work.arguments import millimetres, takes_in
 from mocapclean.config.yaml_files import scalar
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError
@@ -34,7 +34,7 @@ def work(
     folder: Path | None,
     quick: bool,
     seeds: int | None,
-    frames: int | None,
+    most_frames: int | None,
     mask_from: tuple[Path, ...],
     methods: tuple[str, ...],
     assignments: tuple[str, ...],
@@ -47,6 +47,7 @@ def work(
     wants_plots: bool,
 ) -> int:
     """Run an experiment, write its results and print them; return the exit code."""
+    files = tuple(take for path in files for take in (takes_in([path]) if path.is_dir() else [path]))
     chosen = EXPERIMENTS[experiment].EXPERIMENT
     unit = unit or (None if chosen.infers_unit else "cm")
     options = ReadOptions(skeleton=skeleton, rate=rate, unit=millimetres(unit) if unit else None)
@@ -54,16 +55,16 @@ def work(
     if mask_from and not chosen.gappy:
         raise UsageError(f"--mask-from must be left out: {experiment} hides no natural gaps of other captures.")
     request = Request(
-        captures=_shortened(_captures(files, in_folder, chosen, options), frames),
+        captures=_shortened(_captures(files, in_folder, chosen, options), most_frames),
         methods=tuple(name.strip() for part in methods for name in part.split(",") if name.strip()),
         changes=_changes(assignments),
         n_seeds=seeds or (1 if quick else 3),
         quick=quick,
-        folder=_shortened(in_folder, frames),
+        folder=_shortened(in_folder, most_frames),
         dictionary=load(dictionary) if dictionary else None,
         masks=_masks(mask_from, in_folder, chosen, options),
     )
-    notes, trials = _notes(chosen, request, frames), chosen.trials(request)
+    notes, trials = _notes(chosen, request, most_frames), chosen.trials(request)
     store = Store(out_dir, experiment, chosen.measures, overwrite)
     n_failed = _run(trials, store)
     results = store.results(trials)
@@ -77,7 +78,7 @@ def work(
 
 
 def _notes(chosen: Experiment, request: Request, n_frames: int | None) -> list[str]:
-    """Return the lines above the tables: seeds, --frames, --quick, and the experiment's own notes."""
+    """Return the lines above the tables: seeds, --most-frames, --quick, and the experiment's own notes."""
     seeds = f"{request.n_seeds} seed{'s' if request.n_seeds > 1 else ''}"
     cut = f", at most {n_frames} frames of each take" if n_frames else ""
     frames = f", the first {chosen.quick_frames} frames of each take" if chosen.quick_frames else ""
@@ -171,9 +172,9 @@ def _changes(assignments: Sequence[str]) -> dict[str, dict[str, Any]]:
     changes: dict[str, dict[str, Any]] = {}
     for assignment in assignments:
         name, equals, text = assignment.partition("=")
-        method, dot, key = name.partition(".")
-        if not (equals and dot and method and key):
-            raise UsageError(f"--set must be method.parameter=value. Got {assignment!r}.")
+        section, method, key = (*name.split("."), "", "", "")[:3]
+        if not (equals and section == "methods" and method and key):
+            raise UsageError(f"--set must be methods.METHOD.PARAMETER=value. Got {assignment!r}.")
         changes.setdefault(method, {})[key] = scalar(text)
     return changes
 

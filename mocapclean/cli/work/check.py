@@ -1,17 +1,19 @@
 """The work of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
 
 import contextlib
+import json
+import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
 import click
 
-from mocapclean.batch.inputs import find
 from mocapclean.batch.pool import JobResults, run
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import resolve_settings
+from mocapclean.cli.work.arguments import resolve_settings, takes_in
 from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
@@ -19,22 +21,29 @@ from mocapclean.files import check_output, make_folder, new_file
 from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
 from mocapclean.pipeline.view import View
-from mocapclean.report.record import checked
+from mocapclean.report import ci
+from mocapclean.report.record import checked, verdict_row
 from mocapclean.report.text import verdict
 
 
 def work(
-    places: tuple[Path, ...],
+    files: tuple[Path, ...],
+    preset: str | None,
+    report_file: Path | None,
     junit_file: Path | None,
-    json_file: Path | None,
+    summary: Path | None,
+    annotations: str | None,
+    as_json: bool,
     config: Path | None,
     assignments: tuple[str, ...],
     **options: Any,
 ) -> int:
     """Check takes against limits, print the verdicts and write them; return the exit code."""
-    settings = resolve_settings(config, assignments, options)
-    takes = _takes(places)
-    written = [path for path in (junit_file, json_file, settings.html) if path]
+    named = (f"check.preset={preset}",) if preset else ()
+    settings = resolve_settings(config, (*named, *assignments), options)
+    takes = takes_in(files)
+    reports = _Reports(report=report_file, junit=junit_file, summary=summary)
+    written = [path for path in (report_file, junit_file, summary, settings.html) if path]
     _check_outputs(written, [*takes, *([config] if config else [])], settings)
     page = _Page(settings.html, takes) if settings.html else None
     verdicts = dict[Path, Verdict]()
@@ -45,28 +54,27 @@ def work(
             CheckTake(settings, page.keep() if page else None), takes, limits, stop
         )
         with contextlib.closing(results):
-            _print_verdicts(results, verdicts, settings, takes)
+            _print_verdicts(results, verdicts, settings, takes, as_json=as_json)
     if stop.signal:
         complain(f"Interrupted after {len(verdicts)} of {len(takes)} takes. No file was written.")
         return 128 + stop.signal
     in_order = [verdicts[take] for take in takes]
-    _write_files(in_order, junit_file, json_file, settings)
+    reports.write(in_order, settings)
     if page:
         page.write(in_order)
+    if (annotations or ("github" if os.environ.get("GITHUB_ACTIONS") == "true" else "none")) == "github":
+        for line in ci.annotations(in_order):
+            click.echo(line, err=True)
     n_failed = sum(not each.passes for each in in_order)
-    click.echo(f"{len(in_order) - n_failed} of {len(in_order)} takes pass")
+    if not settings.quiet and not as_json:
+        click.echo(f"{len(in_order) - n_failed} of {len(in_order)} takes pass; {_limits(settings)}")
     return int(n_failed > 0)
 
 
-def _takes(places: tuple[Path, ...]) -> list[Path]:
-    """Return all takes in some files and folders; raise UsageError if there is none."""
-    for place in places:
-        if not place.exists():
-            raise UsageError(f"{place}: the file or folder must exist. It does not.")
-    takes = list(dict.fromkeys(each.path for each in find(places)))
-    if not takes:
-        raise UsageError("the folders must hold at least one take. Got none.")
-    return takes
+def _limits(settings: Settings) -> str:
+    """Return the words for where the limits come from."""
+    preset = settings.check.preset
+    return f"limits of the preset {preset}" if preset else "limits of the configuration"
 
 
 def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) -> None:
@@ -76,7 +84,7 @@ def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) 
             check_output(path, source, True)
         check_output(path, None, settings.overwrite)
     if len(set(outputs)) < len(outputs):
-        raise UsageError(f"{outputs[0]}: --junit, --json and --html must be different files.")
+        raise UsageError(f"{outputs[0]}: --report, --junit, --summary and --html must be different files.")
 
 
 class _Page:
@@ -113,7 +121,12 @@ class _Page:
 
 
 def _print_verdicts(
-    results: JobResults[Path, Verdict], verdicts: dict[Path, Verdict], settings: Settings, takes: list[Path]
+    results: JobResults[Path, Verdict],
+    verdicts: dict[Path, Verdict],
+    settings: Settings,
+    takes: list[Path],
+    *,
+    as_json: bool,
 ) -> None:
     """Add each verdict to ``verdicts`` when it arrives, and print it as soon as those of all earlier takes are printed.
 
@@ -128,25 +141,49 @@ def _print_verdicts(
             ready = list(takewhile(verdicts.__contains__, takes[n_printed:]))
             n_printed += len(ready)
             with bar.aside():
-                _print(ready, verdicts, settings)
+                _print(ready, verdicts, settings, as_json=as_json)
             bar.advance()
     # After an interruption those of takes behind an unfinished one are left.
-    _print([take for take in takes[n_printed:] if take in verdicts], verdicts, settings)
+    _print([take for take in takes[n_printed:] if take in verdicts], verdicts, settings, as_json=as_json)
 
 
-def _print(takes: list[Path], verdicts: dict[Path, Verdict], settings: Settings) -> None:
-    """Print the verdicts of some takes; with --quiet those alone that fail."""
+def _print(takes: list[Path], verdicts: dict[Path, Verdict], settings: Settings, *, as_json: bool) -> None:
+    """Print the verdicts of some takes, as words or as lines of JSON; with --quiet those alone that fail."""
     for take in takes:
         if not (settings.quiet and verdicts[take].passes):
-            click.echo(verdict(verdicts[take], verbose=settings.verbose))
+            text = json.dumps(verdict_row(verdicts[take]), allow_nan=False) if as_json else None
+            click.echo(text or verdict(verdicts[take], verbose=settings.verbose))
 
 
-def _write_files(verdicts: list[Verdict], junit_file: Path | None, json_file: Path | None, settings: Settings) -> None:
-    if junit_file:
-        from mocapclean.report.junit import junit  # the XML library is not needed without it
+@dataclass(frozen=True, kw_only=True)
+class _Reports:
+    """The files of a check: JSON, JUnit XML, and a summary in Markdown."""
 
-        with new_file(junit_file) as part:
-            part.write_bytes(junit(verdicts))
-    if json_file:
-        with new_file(json_file) as part:
-            part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8")
+    report: Path | None
+    junit: Path | None
+    summary: Path | None
+
+    def write(self, verdicts: list[Verdict], settings: Settings) -> None:
+        """Write those that are asked for; the summary of a step of GitHub Actions is added to its file."""
+        if self.junit:
+            from mocapclean.report.junit import junit  # the XML library is not needed without it
+
+            with new_file(self.junit) as part:
+                part.write_bytes(junit(verdicts, settings.check.preset))
+        if self.report:
+            with new_file(self.report) as part:
+                part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8")
+        if self.summary:
+            with new_file(self.summary) as part:
+                part.write_text(self._markdown(verdicts, settings), encoding="utf-8")
+        elif step := os.environ.get("GITHUB_STEP_SUMMARY"):
+            try:
+                with Path(step).open("a", encoding="utf-8") as file:
+                    file.write(self._markdown(verdicts, settings))
+            except OSError as fault:
+                raise UsageError(f"{step}: GITHUB_STEP_SUMMARY cannot be written: {fault.strerror or fault}.") from None
+
+    @staticmethod
+    def _markdown(verdicts: list[Verdict], settings: Settings) -> str:
+        words = _limits(settings)
+        return ci.markdown(verdicts, f"{words[0].upper()}{words[1:]}.")

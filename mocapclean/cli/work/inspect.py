@@ -1,5 +1,6 @@
 """The work of ``mocapclean inspect``: show the content of a take and its gaps; no file is written."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -7,7 +8,7 @@ import click
 
 from mocapclean import progress
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import refuse_folders, resolve_settings
+from mocapclean.cli.work.arguments import resolve_settings, takes_in
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.inspection import inspect
 from mocapclean.pipeline.outcome import Outcome
@@ -20,8 +21,8 @@ def work(
 ) -> int:
     """Print the content of takes and their gaps; return the exit code."""
     settings = resolve_settings(config, assignments, options)
-    outcomes, code = [], 0
-    for path in refuse_folders(files):
+    code = 0
+    for path in takes_in(files):
         try:
             outcome = inspect(path, settings)
             progress.finish()
@@ -30,10 +31,8 @@ def work(
             complain(str(error))
             code = max(code, error.exit_code)
             outcome = Outcome(source=path, status="failed", error=str(error), exit_code=error.exit_code)
-        outcomes.append(outcome)
-        if not as_json and outcome.status != "failed":
+        if as_json:
+            click.echo(json.dumps(record.row(outcome), allow_nan=False))
+        elif outcome.status != "failed":
             click.echo(inspection(outcome, verbose=settings.verbose))
-    if as_json:
-        for text in record.text(map(record.row, outcomes), settings.as_json()):
-            click.echo(text, nl=False)
     return code

@@ -4,6 +4,8 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from mocapclean.batch.inputs import find
 from mocapclean.cli.work.arguments import resolve_settings
 from mocapclean.config.settings import Settings
@@ -13,14 +15,13 @@ from mocapclean.pipeline.prepare import matching, prepare
 from mocapclean.pipeline.repair import repair
 from mocapclean.pipeline.view import View, view
 from mocapclean.report import figures
-from mocapclean.take.status import detected
+from mocapclean.take.status import counted
 
 
 def work(
     files: tuple[Path, ...],
     marker: str | None,
     bones: bool,
-    frames: tuple[int, int] | None,
     config: Path | None,
     assignments: tuple[str, ...],
     **options: Any,
@@ -36,7 +37,7 @@ def work(
         raise UsageError("give takes, and for --marker or --bones one take and one of both options.")
     for take in takes:
         check_output(output, take, settings.overwrite)
-    figure = _of_one(takes[0], marker, frames, settings) if marker or bones else _sheet(takes, settings)
+    figure = _of_one(takes[0], marker, settings) if marker or bones else _sheet(takes, settings)
     with new_file(output) as part:
         figures.save(figure, part)
     return 0
@@ -48,18 +49,18 @@ def _sheet(takes: list[Path], settings: Settings) -> Any:
     for path in takes:
         prepared = prepare(path, settings)
         take = prepared.selected
-        views.append(view(prepared.whole, take, prepared.whole, take, detected(take), None))
+        views.append(view(prepared.whole, take, prepared.whole, take, prepared.codes, None))
     return figures.sheet(views, [path.name for path in takes])
 
 
-def _of_one(path: Path, marker: str | None, frames: tuple[int, int] | None, settings: Settings) -> Any:
+def _of_one(path: Path, marker: str | None, settings: Settings) -> Any:
     """Return the curves of a marker, or the bones, of a take that is filled for the figure."""
     one = _filled(path, settings)
     if marker is None:
         return figures.bone_lengths(one)
     (name,) = [one.before.markers[column] for column in matching(marker, one.before, "--marker")][:1]
-    first = one.before.first_frame
-    return figures.curves(one, name, frames and (frames[0] - first, frames[1] - first))
+    inside = np.flatnonzero(counted(one.codes).any(axis=1))
+    return figures.curves(one, name, (int(inside[0]), int(inside[-1])))
 
 
 def _filled(path: Path, settings: Settings) -> View:

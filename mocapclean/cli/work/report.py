@@ -20,18 +20,18 @@ from mocapclean.report.page.data import write_take
 from mocapclean.report.page.places import MOST_EMBEDDED, data_file, data_folder, remove_data
 
 
-def work(report: Path, takes: tuple[Path, ...], output: Path, overwrite: bool) -> int:
+def work(report: Path, files: tuple[Path, ...], output: Path, overwrite: bool) -> int:
     """Write the page of a report; return the exit code."""
     require_library()
     check_output(output, report, overwrite)
     content = _load(report)
-    files = _Files(report, takes)
+    found = _Files(report, files)
     rows = content["takes"]
-    for source in files.of_rows(rows):
+    for source in found.of_rows(rows):
         check_output(output, source, True)
     make_folder(data_folder(output))
     pages = [
-        _page_take(row, content["config"], files, data_file(output, f"{i} {row['source']}"))
+        _page_take(row, content["config"], found, data_file(output, f"{i} {row['source']}"))
         for i, row in enumerate(rows)
     ]
     embed = len(rows) <= MOST_EMBEDDED

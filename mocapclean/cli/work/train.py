@@ -1,6 +1,6 @@
 """The work of ``mocapclean train``: learn a dictionary of a body's poses from clean takes."""
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
 from mocapclean import formats
-from mocapclean.cli.work.arguments import millimetres
+from mocapclean.cli.work.arguments import millimetres, names, takes_in
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import n_steps, train
 from mocapclean.dictionaries.training_parameters import Params
@@ -20,16 +20,17 @@ from mocapclean.errors import UsageError
 from mocapclean.files import check_output, new_file
 from mocapclean.parameters import faults
 from mocapclean.take import Take
+from mocapclean.take.names import matching_columns
 
 
 def work(
-    inputs: tuple[Path, ...],
+    files: tuple[Path, ...],
     output: Path,
     body_parts: Path | None,
     exclude: tuple[str, ...],
     skeleton: Path | None,
     rate: float | None,
-    unit: str,
+    unit: str | None,
     seed: int,
     overwrite: bool,
     **options: Any,
@@ -39,14 +40,14 @@ def work(
         name, fault, value = refused[0]
         raise UsageError(f"--{name.replace('_', '-')}: {fault}. Got {value!r}.")
     params = Params(**options)
-    files = list(_files(inputs))
+    captures = takes_in(files)
     if output.suffix.lower() != ".npz":
         raise UsageError(f"{output}: the name of a dictionary must end in .npz.")
-    for kept in (*files, skeleton, body_parts):
+    for kept in (*captures, skeleton, body_parts):
         check_output(output, kept, overwrite)
     takes = [
-        _without(formats.read(f, **_options(f, skeleton, rate, unit)), exclude)
-        for f in tqdm(files, "read", disable=None)
+        _without(formats.read(f, **_options(f, skeleton, rate, unit)), names(exclude))
+        for f in tqdm(captures, "read", disable=None)
     ]
     parts = _read_parts(body_parts) if body_parts else known_parts(takes[0].markers)
     with tqdm(total=n_steps(parts, params), desc="train", disable=None) as bar:
@@ -61,31 +62,19 @@ def work(
     return 0
 
 
-def _files(inputs: tuple[Path, ...]) -> Iterator[Path]:
-    """Yield the files, and the takes directly in the folders, sorted; raise UsageError for a folder without takes."""
-    suffixes = formats.suffixes()
-    for path in inputs:
-        if not path.is_dir():
-            yield path
-            continue
-        takes = sorted(file for file in path.iterdir() if file.suffix.lower() in suffixes)
-        if not takes:
-            raise UsageError(f"{path}: the folder must hold takes ({', '.join(sorted(suffixes))}). Got none.")
-        yield from takes
-
-
-def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str) -> dict[str, Any]:
+def _options(path: Path, skeleton: Path | None, rate: float | None, unit: str | None) -> dict[str, Any]:
     """Return the options with which a take is read."""
     return {
         "skeleton": skeleton if formats.needs_skeleton(path) else None,
         "rate": rate,
-        "unit": millimetres(unit),
+        "unit": millimetres(unit) if unit else None,
     }
 
 
-def _without(take: Take, exclude: tuple[str, ...]) -> Take:
-    """Return a take without some markers."""
-    kept = [k for k, name in enumerate(take.markers) if name not in exclude]
+def _without(take: Take, exclude: Sequence[str]) -> Take:
+    """Return a take without the markers that some patterns match."""
+    left_out = {column for pattern in exclude for column in matching_columns(pattern, take.markers)}
+    kept = [column for column in range(len(take.markers)) if column not in left_out]
     return replace(take.select(np.array(kept, dtype=np.intp)), origin=take.origin)
 
 

@@ -187,4 +187,5 @@ def _shares(row: Mapping[str, Any], counts: Mapping[str, int]) -> dict[str, int]
         "missing": 0 if was_filled else counts["missing"],
         "distrusted": 0 if was_filled else counts["left"] - counts["missing"],
         "left": counts["left"] if was_filled else 0,
+        "outside": counts["outside"],
     }

@@ -5,7 +5,7 @@ import { byId, counted, element, grouped, mm } from "./text.js";
 const STEP = 300; // takes that are added at a time
 
 /** The parts of a take's bar in their order, with the name of their style. */
-const PARTS = ["left", "missing", "distrusted", "replaced", "suspicious", "poor", "fair", "good", "filled", "moved", "measured"];
+const PARTS = ["left", "missing", "distrusted", "replaced", "suspicious", "poor", "fair", "good", "filled", "moved", "measured", "outside"];
 
 /** @typedef {any} TakeSummary */
 
