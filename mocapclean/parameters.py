@@ -16,8 +16,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
-STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False}
-"""pydantic's configuration of all classes of parameters: unknown names, wrong types, NaN and infinity are refused."""
+STRICT = {"extra": "forbid", "strict": True, "allow_inf_nan": False, "use_attribute_docstrings": True}
+"""pydantic's configuration of all classes of parameters: unknown names, wrong types, NaN and infinity are refused.
+
+The text below a field describes it in the JSON Schema.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +36,10 @@ class About:
 
     def __str__(self) -> str:
         return f"{self.symbol}, {self.unit}, {self.text}"
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Any:
+        """Return the JSON Schema of the annotated type with the meaning as its description."""
+        return {**handler(core_schema), "description": str(self)}
 
 
 class Field:

@@ -18,6 +18,9 @@ class Commands(click.Group):
         "train": "Learn a dictionary for llc and srmmp from clean takes.",
         "simulate": "Write simulated takes with gaps, faults and the truth.",
         "bench": "Run an experiment of a paper on your takes.",
+        "config": "Write a configuration with every key, or its JSON Schema.",
+        "completion": "Print the script by which a shell completes commands.",
+        "man": "Write the manual pages.",
     }
 
     def list_commands(self, ctx: click.Context) -> list[str]:

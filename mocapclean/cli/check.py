@@ -7,6 +7,7 @@ import click
 from mocapclean.cli.guard import guarded
 from mocapclean.cli.options import AS_JSON, FILE, HTML, OVERWRITE, QUIET, TAKES, Command, examples, reading, working
 from mocapclean.cli.stages import stages_shown
+from mocapclean.config.presets import PRESETS
 
 
 @click.command(
@@ -20,7 +21,7 @@ from mocapclean.cli.stages import stages_shown
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
 @click.option(
     "--preset",
-    type=click.Choice(["gait-lab", "game", "film"]),
+    type=click.Choice(list(PRESETS)),
     help="Limits for a purpose; those of --config and --set replace them.",
 )
 @click.option("--report", "report_file", type=FILE, help="One JSON report for all takes (default: none).")

@@ -84,7 +84,8 @@ def _of_takes(ctx: click.Context, names: Any) -> list[str]:
     from mocapclean.errors import MocapcleanError
 
     found: list[str] = []
-    for path in ctx.params.get("files") or ():
+    # An option without its value ends click's parser, which then leaves the files among the other words.
+    for path in (*(ctx.params.get("files") or ()), *ctx.args):
         try:
             if Path(path).is_file():
                 found += names(Path(path))

@@ -28,7 +28,7 @@ def _training(command: Any) -> Any:
     for field in reversed(fields(Params)):
         meaning = about(Params, field.name)
         name = "--" + field.name.replace("_", "-")
-        text = f"{meaning.text} ({meaning.symbol})."
+        text = f"{meaning.text[0].upper()}{meaning.text[1:]} ({meaning.symbol})."
         command = click.option(name, type=type(field.default), default=field.default, show_default=True, help=text)(
             command
         )

@@ -95,6 +95,8 @@ def _contradictions(settings: Settings) -> Iterator[str]:
         limit = -1.0
     if limit is not None and not 0 <= limit < float("inf"):
         yield f"max_left must be a number of samples or a percentage. Got {settings.max_left!r}."
+    if settings.frames is not None and settings.events is not None:
+        yield "frames and events both name the frames to repair. Give one."
     if settings.grades.good > settings.grades.fair:
         yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
     methods = settings.auto.methods if settings.method == "auto" else (settings.method,)

@@ -53,6 +53,14 @@ class Sections(Mapping[str, Any]):
         return core_schema.no_info_plain_validator_function(cls._checked)
 
     @classmethod
+    def __get_pydantic_json_schema__(cls, core_schema: Any, handler: Any) -> Any:
+        """Return the JSON Schema of a section, in which every module has its keys."""
+        from pydantic import TypeAdapter
+
+        parts = {name: TypeAdapter(module.Params).json_schema() for name, module in cls.modules.items()}
+        return {"type": "object", "properties": parts, "additionalProperties": False}
+
+    @classmethod
     def _checked(cls, values: Any) -> "Sections":
         """Return the section of some values by key; raise pydantic's ValidationError, or ValueError for no mapping."""
         if isinstance(values, cls):

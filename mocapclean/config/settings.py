@@ -43,6 +43,9 @@ class _Bytes:
 
         return core_schema.no_info_before_validator_function(self._number, handler(source))
 
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Any:
+        return {"anyOf": [{"type": "integer", "exclusiveMinimum": 0}, {"type": "string"}]}
+
     @staticmethod
     def _number(value: Any) -> int:
         from pydantic import ByteSize, TypeAdapter, ValidationError
@@ -70,7 +73,9 @@ class Grades:
     """The largest expected 3D error of a gap, mm, for the grades good and fair. Larger errors are graded poor."""
 
     good: Positive = 10.0
+    """Millimetres."""
     fair: Positive = 30.0
+    """Millimetres."""
 
     def of(self, expected: float) -> str:
         """Return the grade of a gap with this expected 3D error, mm."""
@@ -82,6 +87,7 @@ class Auto:
     """The candidates of method auto, in the order in which they are tried."""
 
     methods: tuple[Literal[tuple(SOLVERS)], ...] = AUTO_CANDIDATES  # type: ignore[valid-type]
+    """The candidates, in the order in which they are tried."""
 
 
 @parameters
@@ -102,26 +108,32 @@ class TakeLimits(MarkerLimits):
 
     preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
     """Limits for a purpose, in the place of those that are not set."""
+    longest_gap: AtLeastOne | None = None
+    """Frames that a marker may be missing in a row."""
     longest_inner_gap: Positive | None = None
-    """Seconds missing in a row of a marker that is seen before and after."""
+    """Seconds that a marker may be missing in a row, where it is seen before and after."""
+    missing: NotNegative | None = None
+    """Percentage of all samples that may be missing in the file."""
+    distrusted: NotNegative | None = None
+    """Percentage of all samples that the trust rules may distrust or report as suspicious."""
     replaced: NotNegative | None = 10.0
-    """Percentage of all samples that a fill would replace, because trust rules distrust them."""
+    """Percentage of all samples that a fill may replace, because trust rules distrust them."""
     markers: dict[str, MarkerLimits] = field(default_factory=dict)
     """Limits by marker; wildcards allowed."""
     required: tuple[str, ...] = ()
     """Markers that must be present; wildcards allowed."""
     swaps: Annotated[int, Field(ge=0)] | None = 0
-    """Spans of swapped labels."""
+    """Spans in which two labels may be swapped."""
     bone_deviation: Positive | None = None
     """Millimetres between a bone's length and its reference, in the worst frame."""
     rates: tuple[Positive, ...] = ()
-    """Frame rates allowed, Hz; none: any."""
+    """Allowed frame rates, Hz; none: any."""
     units: bool = True
     """Size and speed must be those of a body in the stated unit."""
     shortest: Positive | None = None
-    """Seconds."""
+    """Seconds that a take must last."""
     longest: Positive | None = None
-    """Seconds."""
+    """Seconds that a take may last."""
     expected_error: Positive | None = None
     """3D error of the method on hidden samples, mm; costs a fill, so only when given."""
 
@@ -131,14 +143,19 @@ class Settings:
     """Every option of the command. Lengths are millimetres, times are frames."""
 
     method: Literal[(*SOLVERS, "auto")] = DEFAULT_METHOD  # type: ignore[valid-type]
+    """How to fill: a name from 'mocapclean methods', or auto to choose for each take."""
     auto: Auto = field(default_factory=Auto)
+    """How method auto chooses."""
     methods: Methods = field(default_factory=Methods)
+    """The parameters of every method: symbol in its equations, unit, meaning."""
     detect: bool = True
     """Run the trust rules."""
     trust: Trust = field(default_factory=Trust)
+    """The parameters of every trust rule."""
     fix_swaps: bool = False
     """Exchange swapped labels back instead of distrusting their samples."""
     check: TakeLimits = field(default_factory=TakeLimits)
+    """Limits of 'mocapclean check'; one that is null is not checked."""
     skeleton: Path | None = None
     """The .asf or .bvh file with joints and bones."""
     dictionary: Path | None = None
@@ -164,9 +181,11 @@ class Settings:
     keep_contacts: bool = False
     """Keep joints of skeletons in place that stand still on both sides of a repaired span, such as planted feet."""
     grades: Grades = field(default_factory=Grades)
+    """The largest expected 3D error of a gap, for its grade; larger errors are graded poor."""
     self_check: Literal["auto"] | bool = "auto"
     """Measure the error on hidden trusted samples; auto: for method auto, and for methods whose traits ask for it."""
     hiding: HidingParams = field(default_factory=HidingParams)
+    """How many samples the self-check hides."""
     max_left: Annotated[str | int, Field(union_mode="left_to_right")] | None = None
     """A take with more unfilled samples fails: a number, or a percentage such as 2%."""
     markers: tuple[str, ...] = ()

@@ -286,7 +286,8 @@ def _self_check(outcome: Outcome) -> Iterable[str]:
     total = checked.total
     hidden = f"{_count(total.samples, 'sample')} hidden in {_count(total.gaps, 'gap')}"
     yield _line("self-check", f"{_error(total.error)}, on {hidden}" if total.error else f"none filled of {hidden}")
-    stands_for = f"it stands for {_share(checked.represented)} of the {_count(total.missing, 'missing sample')}"
+    which = " of the gaps in these frames, whole" if outcome.judged else ""
+    stands_for = f"it stands for {_share(checked.represented)} of the {_count(total.missing, 'missing sample')}{which}"
     yield _line("", stands_for + ("" if checked.represented == 1.0 else "; the error of the rest is not measured"))
     rows = [
         [

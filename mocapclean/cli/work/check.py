@@ -15,7 +15,8 @@ from mocapclean.batch.pool import JobResults, run
 from mocapclean.cli.guard import complain
 from mocapclean.cli.work.arguments import resolve_settings, takes_in
 from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
-from mocapclean.config.settings import Settings
+from mocapclean.config.presets import PRESETS
+from mocapclean.config.settings import Settings, TakeLimits
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import check_output, make_folder, new_file
 from mocapclean.pipeline.check import CheckTake, unchecked
@@ -73,8 +74,11 @@ def work(
 
 def _limits(settings: Settings) -> str:
     """Return the words for where the limits come from."""
-    preset = settings.check.preset
-    return f"limits of the preset {preset}" if preset else "limits of the configuration"
+    check = settings.check
+    if check.preset is None:
+        return "the default limits" if check == TakeLimits() else "limits of the configuration"
+    others = [name for name, value in PRESETS[check.preset].items() if getattr(check, name) != value]
+    return f"limits of the preset {check.preset}{' but for ' if others else ''}{', '.join(others)}"
 
 
 def _check_outputs(outputs: list[Path], inputs: list[Path], settings: Settings) -> None:

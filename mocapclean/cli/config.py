@@ -1,0 +1,30 @@
+"""``mocapclean config``: a configuration with every key, its JSON Schema, and what a configuration comes to."""
+
+from typing import Any
+
+import click
+
+from mocapclean.cli.guard import guarded
+from mocapclean.cli.options import FILE, OUTPUT, Command, examples, overwriting
+
+
+@click.command(
+    "config",
+    cls=Command,
+    epilog=examples(
+        "mocapclean config --init -o studio.yaml",
+        "mocapclean config --schema -o mocapclean.schema.json",
+        "mocapclean config --show studio.yaml",
+    ),
+)
+@click.option("--init", "wanted", flag_value="init", help="All keys with today's defaults, as YAML with comments.")
+@click.option("--schema", "wanted", flag_value="schema", help="The JSON Schema of a configuration, for editors.")
+@click.option("--show", type=FILE, help="All keys with the values that this configuration gives them, as YAML.")
+@click.option("-o", "--output", type=FILE, help=f"{OUTPUT}YAML or JSON (default: standard output).")
+@overwriting(default=False)
+@guarded
+def command(**options: Any) -> int:
+    """Write a configuration, or its schema: give one of --init, --schema and --show."""
+    from mocapclean.cli.work import config
+
+    return config.work(**options)

@@ -1,0 +1,160 @@
+"""Completion: what the shell asks, by its own protocol, and what it is answered."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from c3d_builder import C3D, texts, walk
+from click.shell_completion import ShellComplete
+from commands import run
+from conftest import SAMPLES
+
+from mocapclean.cli import cli
+from mocapclean.cli.work.completion import PROGRAM, SHELLS, VARIABLE
+from mocapclean.config.presets import PRESETS
+from mocapclean.detection import RULES
+from mocapclean.solvers import SOLVERS
+
+BASH = shutil.which("bash")
+
+
+def offered(*words):
+    """What is offered for the last word after the other ones."""
+    *arguments, incomplete = map(str, words)
+    return [item.value for item in ShellComplete(cli, {}, PROGRAM, VARIABLE).get_completions(arguments, incomplete)]
+
+
+def test_commands_and_options_are_offered():
+    assert offered("f") == ["fill"]
+    assert "--max-gap" in offered("fill", "--m")
+
+
+@pytest.mark.parametrize(("command", "also"), [("fill", ["auto"]), ("plot", ["auto"])])
+def test_methods_are_offered(command, also):
+    assert offered(command, "--method", "") == [*SOLVERS, *also]
+    assert offered("methods", "kr") == ["kriging"]
+    assert offered("bench", "compare", "--methods", "") == [*SOLVERS]
+
+
+def test_presets_are_offered():
+    assert offered("check", "--preset", "") == [*PRESETS]
+
+
+def test_keys_are_offered_section_by_section():
+    first = offered("fill", "--set", "")
+    assert {"passes=", "trust.", "methods.", "check.", "grades."} <= set(first)
+    assert "threshold=" in offered("fill", "--method", "svt", "--set", "")
+    assert offered("fill", "--set", "trust.") == [f"trust.{name}." for name in RULES]
+    assert offered("fill", "--set", "trust.drift.l") == ["trust.drift.least="]
+    assert "methods.kriging.passes=" in offered("fill", "--set", "methods.kriging.")
+    assert "check.missing=" in offered("check", "--set", "check.m")
+    assert offered("fill", "--set", "nothing.of.it") == []
+
+
+def test_markers_of_the_given_take_are_offered():
+    assert {"LANK", "LFHD"} <= set(offered("fill", SAMPLES / "walk.c3d", "--markers", "L"))
+    assert offered("plot", SAMPLES / "walk.c3d", "--marker", "STR") == ["STRN"]
+    assert "Spine1" in offered("inspect", SAMPLES / "walk.bvh", "--exclude", "Sp")
+    assert offered("inspect", SAMPLES / "walk_01.amc", "--exclude", "lrad") == ["lradius"]
+    assert offered("fill", "nowhere.c3d", "--markers", "") == []
+    assert offered("fill", SAMPLES, "--markers", "") == []
+
+
+def test_a_subject_is_left_out_until_a_colon_is_typed(tmp_path):
+    path = tmp_path / "take.c3d"
+    labels = texts("POINT", "LABELS", ["Ann:LASI", "Ann:RASI", "Ann:SACR", "Bob:LASI", "Bob:RASI"])
+    path.write_bytes(C3D(walk(), extra={"LABELS": labels}).build())
+    assert offered("fill", path, "--markers", "") == ["LASI", "RASI", "SACR"]
+    assert offered("fill", path, "--markers", "Ann:") == ["Ann:LASI", "Ann:RASI", "Ann:SACR"]
+
+
+def test_a_broken_take_offers_nothing(tmp_path):
+    path = tmp_path / "take.c3d"
+    path.write_bytes(b"no take")
+    assert offered("fill", path, "--markers", "") == []
+
+
+def asked(shell, line, place):
+    """The answer of the command, in a process of its own, to a shell that completes a line."""
+    environment = {**os.environ, VARIABLE: f"{shell}_complete", "COMP_WORDS": line, "COMP_CWORD": str(place)}
+    script = "import sys\nfrom mocapclean.__main__ import main\ntry:\n  main()\nfinally:\n  print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    return done.stdout.split(), done.stderr.split()
+
+
+def test_the_protocol_is_answered_without_what_works_on_takes():
+    answers, modules = asked("bash", f"mocapclean fill {SAMPLES / 'walk.c3d'} --markers LFH", 4)
+    assert answers == ["plain,LFHD"]
+    assert not {"scipy", "pydantic", "ruamel", "mocapclean.pipeline", "mocapclean.solvers.kriging"} & set(modules)
+    answers, modules = asked("bash", "mocapclean fill --me", 2)
+    assert answers == ["plain,--method", "plain,--memory"]
+    assert "numpy" not in modules
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_the_script_of_every_shell_is_printed(shell):
+    code, out, _ = run("completion", shell)
+    assert code == 0
+    assert VARIABLE in out
+    assert f"{shell}_complete" in out
+
+
+def test_another_shell_is_refused():
+    assert run("completion", "tcsh")[0] == 2
+
+
+def in_bash(folder, *words):
+    """What bash completes for the last word."""
+    command = folder / PROGRAM
+    command.write_text(f"#!/bin/sh\nexec {sys.executable} -m mocapclean \"$@\"\n", encoding="utf-8")
+    command.chmod(0o755)
+    quoted = " ".join(f"'{word}'" for word in words)
+    script = f"""
+        export PATH={folder}:$PATH
+        eval "$(mocapclean completion bash)"
+        compopt() {{ echo "compopt $1 $2"; }}
+        COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}
+        _mocapclean_completion mocapclean
+        printf '%s\\n' "${{COMPREPLY[@]}}"
+        complete -p mocapclean
+    """
+    done = subprocess.run([BASH, "--norc", "-c", script], capture_output=True, text=True, timeout=60, check=True)
+    assert not done.stderr
+    *answers, registered = done.stdout.splitlines()
+    assert "_mocapclean_completion" in registered
+    return answers
+
+
+@pytest.mark.skipif(BASH is None, reason="bash is not installed")
+def test_bash_completes(tmp_path):
+    assert in_bash(tmp_path, "mocapclean", "fill", "--method", "kr") == ["kriging"]
+    assert in_bash(tmp_path, "mocapclean", "fill", "--set", "trust.drift.le") == [
+        "compopt -o nospace",
+        "trust.drift.least=",
+    ]
+
+
+@pytest.mark.skipif(BASH is None, reason="bash is not installed")
+def test_bash_escapes_spaces_in_names(tmp_path):
+    path = tmp_path / "take.c3d"
+    labels = texts("POINT", "LABELS", ["Left Knee", "RASI", "SACR", "LASI", "C7"])
+    path.write_bytes(C3D(walk(), extra={"LABELS": labels}).build())
+    assert in_bash(tmp_path, "mocapclean", "fill", path, "--markers", "Lef") == [r"Left\ Knee"]
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_read_the_script(shell, tmp_path):
+    found = shutil.which(shell)
+    if found is None:
+        pytest.skip(f"{shell} is not installed")
+    script = tmp_path / "script"
+    script.write_text(run("completion", shell)[1], encoding="utf-8")
+    subprocess.run([found, "-n", str(script)], check=True, timeout=60)
+
+
+def test_the_help_has_a_recipe_for_every_shell():
+    help_text = run("completion", "--help")[1]
+    for shell in SHELLS:
+        assert f"mocapclean completion {shell}" in help_text
