@@ -45,7 +45,7 @@ def main() -> None:
     loop = spent([sys.executable, "-W", "ignore", "-c", LOOP, str(given.folder)])
     with tempfile.TemporaryDirectory() as place:
         check = [sys.executable, "-m", "mocapclean", "check", str(given.folder), "--workers", str(given.workers)]
-        checked = spent([*check, "--json", f"{place}/check.json"])
+        checked = spent([*check, "--report", f"{place}/check.json"])
     print(f"reading and detection {loop:.1f} s, check {checked:.1f} s: {checked / loop:.2f} times")
 
 

@@ -9,9 +9,7 @@ from mocapclean.cli.options import FILE, Command, examples, overwriting
 
 
 @click.command("man", cls=Command, epilog=examples("mocapclean man --out-dir ~/.local/share/man/man1"))
-@click.option(
-    "--out-dir", type=FILE, required=True, help="Folder for the pages, such as mocapclean-fill.1."
-)
+@click.option("--out-dir", type=FILE, required=True, help="Folder for the pages, such as mocapclean-fill.1.")
 @overwriting(default=False)
 @guarded
 def command(**options: Any) -> int:

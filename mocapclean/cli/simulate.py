@@ -42,7 +42,11 @@ from mocapclean.units import MILLIMETRES
     "--fault-rate", type=float, default=1.0, show_default=True, help="Events of each kind per 10,000 samples."
 )
 @click.option(
-    "--fault-size", type=float, default=1.0, show_default=True, help="Size of the faults; 1: spikes of 20 mm; 2: spikes of 40 mm."
+    "--fault-size",
+    type=float,
+    default=1.0,
+    show_default=True,
+    help="Size of faults; 1: spikes of 20 mm; 2: 40 mm.",
 )
 @click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, but state mm.")
 @seed()

@@ -95,8 +95,6 @@ def _contradictions(settings: Settings) -> Iterator[str]:
         limit = -1.0
     if limit is not None and not 0 <= limit < float("inf"):
         yield f"max_left must be a number of samples or a percentage. Got {settings.max_left!r}."
-    if settings.frames is not None and settings.events is not None:
-        yield "frames and events both name the frames to repair. Give one."
     if settings.grades.good > settings.grades.fair:
         yield f"grades.good must be at most grades.fair, {settings.grades.fair:g}. Got {settings.grades.good:g}."
     methods = settings.auto.methods if settings.method == "auto" else (settings.method,)
@@ -107,6 +105,13 @@ def _contradictions(settings: Settings) -> Iterator[str]:
     if settings.learn_from and not any(SOLVERS[name].TRAITS.learns_from_session for name in methods):
         learning = ", ".join(name for name, module in SOLVERS.items() if module.TRAITS.learns_from_session)
         yield f"learn_from must go with a method that learns from other takes: {learning}. Got {', '.join(methods)}."
+    yield from _exclusions(settings)
+
+
+def _exclusions(settings: Settings) -> Iterator[str]:
+    """Yield a message for each pair of options of which one excludes the other."""
+    if settings.frames is not None and settings.events is not None:
+        yield "frames and events both name the frames to repair. Give one."
     if not settings.auto.methods:
         yield "auto.methods must name at least one method. Got none."
     if settings.method == "auto" and not settings.checks_itself:

@@ -108,7 +108,7 @@ def test_another_shell_is_refused():
 def in_bash(folder, *words):
     """What bash completes for the last word."""
     command = folder / PROGRAM
-    command.write_text(f"#!/bin/sh\nexec {sys.executable} -m mocapclean \"$@\"\n", encoding="utf-8")
+    command.write_text(f'#!/bin/sh\nexec {sys.executable} -m mocapclean "$@"\n', encoding="utf-8")
     command.chmod(0o755)
     quoted = " ".join(f"'{word}'" for word in words)
     script = f"""

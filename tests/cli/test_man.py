@@ -35,7 +35,12 @@ def test_a_page_has_every_option_and_example(name):
 @pytest.mark.skipif(shutil.which("groff") is None, reason="groff is not installed")
 def test_troff_has_no_complaint(name):
     done = subprocess.run(
-        ["groff", "-man", "-Tutf8", "-P-cbou", "-ww"], input=PAGES[name], capture_output=True, text=True, timeout=60, check=True
+        ["groff", "-man", "-Tutf8", "-P-cbou", "-ww"],
+        input=PAGES[name],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
     )
     assert not done.stderr
     assert "EXIT STATUS" in done.stdout

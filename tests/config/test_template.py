@@ -121,7 +121,11 @@ def test_the_command_prints_or_writes(tmp_path):
     (tmp_path / "own.yaml").write_text("max_gap: 7\ncheck: {preset: film, missing: 3}\n", encoding="utf-8")
     shown = YAML(typ="safe", pure=True).load(run("config", "--show", tmp_path / "own.yaml")[1])
     assert shown["max_gap"] == 7
-    assert (shown["check"]["preset"], shown["check"]["missing"], shown["check"]["bone_deviation"]) == ("film", 3.0, 60.0)
+    assert (shown["check"]["preset"], shown["check"]["missing"], shown["check"]["bone_deviation"]) == (
+        "film",
+        3.0,
+        60.0,
+    )
 
 
 @pytest.mark.parametrize("arguments", [(), ("--init", "--show", "x.yaml")])

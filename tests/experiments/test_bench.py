@@ -157,8 +157,8 @@ def test_a_torn_line_is_run_again_and_overwrite_forgets(folder, tmp_path):
 
 def test_parameters_are_part_of_the_key(folder, tmp_path):
     arguments = ("compare", folder / "7_01.c3d", "--methods", "svt", "--quick", "--no-plots", "--out-dir", tmp_path)
-    run(*arguments, "--set", "svt.max_iterations=2")
-    run(*arguments, "--set", "svt.max_iterations=3", "--set", "svt.origin=file")
+    run(*arguments, "--set", "methods.svt.max_iterations=2")
+    run(*arguments, "--set", "methods.svt.max_iterations=3", "--set", "methods.svt.origin=file")
     found = [json.loads(row["parameters"]) for row in rows_of(tmp_path / "compare.csv")]
     assert found == [{"max_iterations": 2}, {"max_iterations": 3, "origin": "file"}]
 
@@ -168,10 +168,11 @@ def test_parameters_are_part_of_the_key(folder, tmp_path):
     [
         (("--methods", "magic"), "a method must be one of"),
         (("--methods", "llc"), "llc needs a trained dictionary"),
-        (("--set", "svt.step=1"), "--set must name a method of this run"),
-        (("--set", "linear.width=1"), "unknown key 'methods.linear.width'"),
-        (("--methods", "trnn2", "--set", "trnn2.max_iterations=many"), "trnn2.max_iterations"),
-        (("--set", "step=1"), "--set must be method.parameter=value"),
+        (("--set", "methods.svt.step=1"), "--set must name a method of this run"),
+        (("--set", "methods.linear.width=1"), "unknown key 'methods.linear.width'"),
+        (("--methods", "trnn2", "--set", "methods.trnn2.max_iterations=many"), "trnn2.max_iterations"),
+        (("--set", "step=1"), "--set must be methods.METHOD.PARAMETER=value"),
+        (("--set", "svt.step=1"), "--set must be methods.METHOD.PARAMETER=value"),
         (("--unit", "yards"), "--unit must be"),
         (("--folder", "nowhere"), "--folder must be a folder"),
     ],
@@ -274,7 +275,9 @@ def test_wang_learns_from_the_same_subject_and_never_from_the_take(folder, tmp_p
     assert all(value > 0 for value in found.values())
 
 
-@pytest.mark.parametrize(("extra", "expected"), [((), {150.0, 450.0, 1350.0}), (("--set", "svt.threshold=99"), {0.0})])
+@pytest.mark.parametrize(
+    ("extra", "expected"), [((), {150.0, 450.0, 1350.0}), (("--set", "methods.svt.threshold=99"), {0.0})]
+)
 def test_wang_tunes_a_competitor_unless_the_user_does(folder, tmp_path, extra, expected):
     code, text, _ = run(
         *("wang2016", "7_01", "--folder", folder, "--quick", "--methods", "svt", "--no-plots", "--out-dir", tmp_path),

@@ -176,7 +176,9 @@ def test_the_command_takes_masks_and_the_first_frames(walk, gappy, tmp_path):
     path = tmp_path / "clean.c3d"
     c3d.create(walk, path)
     arguments = ("--methods", "linear", "--seeds", "1", "--no-plots", "--out-dir", tmp_path / "out")
-    code, text, err = commands.run("bench", "occlusion", path, "--frames", "240", "--mask-from", gappy.path, *arguments)
+    code, text, err = commands.run(
+        "bench", "occlusion", path, "--most-frames", "240", "--mask-from", gappy.path, *arguments
+    )
     assert (code, err) == (0, "")
     assert "at most 240 frames" in text
     assert "masks of: gappy" in text

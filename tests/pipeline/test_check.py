@@ -1,5 +1,6 @@
 """``check``: every limit is kept by one take and not by another; its files are what CI reads; its recipes work."""
 
+import itertools
 import json
 import re
 import shutil
@@ -16,6 +17,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from mocapclean.config.loading import resolve
+from mocapclean.config.presets import PRESETS
 from mocapclean.config.settings import TakeLimits
 from mocapclean.formats import c3d
 from mocapclean.parameters import annotations
@@ -26,6 +28,13 @@ from mocapclean.simulate import hide, inject, perform
 from tests import commands
 
 RECIPES = Path(__file__).resolve().parents[2] / "docs" / "check.md"
+HOOKS = RECIPES.parents[1] / ".pre-commit-hooks.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _outside_of_github(monkeypatch):
+    for name in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
+        monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture(scope="module")
@@ -54,6 +63,8 @@ def breached(source, **limits):
 
 LIMITS = [
     ("gaps", {"longest_gap": 39}, {"longest_gap": 40}, "longest_gap"),
+    ("gaps", {"longest_inner_gap": 0.33}, {"longest_inner_gap": 0.34}, "longest_inner_gap"),
+    ("gaps", {"preset": "gait-lab"}, {"preset": "game"}, "longest_inner_gap"),
     ("gaps", {"missing": 0.5}, {"missing": 0.6}, "missing"),
     ("bad/swap", {"distrusted": 0}, {"distrusted": 50, "swaps": None}, "distrusted"),
     ("bad/swap", {}, {"swaps": 1}, "swaps"),
@@ -84,8 +95,21 @@ def test_every_limit_is_kept_or_not(takes, name, asked, allowed, limit):
 
 
 def test_every_limit_has_a_case():
-    tried = {key for _, asked, *_ in LIMITS for key in asked} | {"swaps", "units"}
+    tried = {key for _, asked, *_ in LIMITS for key in asked} | {"swaps", "units", "replaced"}
     assert tried == set(annotations(TakeLimits))
+
+
+def test_what_a_fill_would_replace_has_a_limit(takes):
+    def share(**options):
+        verdict = CheckTake(resolve(None, {"check": {"swaps": None, "replaced": 0.01}, **options}))(
+            takes / "bad/swap.c3d"
+        )
+        return verdict.measures["replaced"], {breach.limit for breach in verdict.breaches}
+
+    assert share() == (0.0, set())
+    replaced, limits = share(replace="suspicious")
+    assert replaced > 0.01
+    assert limits == {"replaced"}
 
 
 def test_a_markers_own_gap_stands_in_place_of_the_general_one(takes):
@@ -96,11 +120,11 @@ def test_a_markers_own_gap_stands_in_place_of_the_general_one(takes):
 
 def test_a_folder_is_checked_whole_and_never_touched(takes, tmp_path):
     before = {path: path.read_bytes() for path in takes.rglob("*.c3d")}
-    code, out, err = run(takes, "--junit", tmp_path / "check.xml", "--json", tmp_path / "check.json")
+    code, out, err = run(takes, "--junit", tmp_path / "check.xml", "--report", tmp_path / "check.json")
     assert (code, err) == (1, "")
     lines = out.splitlines()
     assert [line[:4] for line in lines[:-1]] == ["pass", "pass", "FAIL", "FAIL"]
-    assert lines[-1] == "2 of 4 takes pass"
+    assert lines[-1] == "2 of 4 takes pass; the default limits"
     assert {path: path.read_bytes() for path in takes.rglob("*.c3d")} == before
     report = json.loads((tmp_path / "check.json").read_text(encoding="utf-8"))
     assert report["totals"] == {"takes": 4, "passed": 2, "failed": 2}
@@ -116,8 +140,18 @@ def test_a_folder_is_checked_whole_and_never_touched(takes, tmp_path):
     assert failures["clean.c3d"] is None
 
 
-def test_all_pass_and_quiet_prints_only_the_sum(takes):
-    assert run(takes / "clean.c3d", "-q") == (0, "1 of 1 takes pass\n", "")
+def test_quiet_prints_only_what_fails(takes):
+    assert run(takes / "clean.c3d", "-q") == (0, "", "")
+    code, out, _ = run(takes, "-q")
+    assert code == 1
+    assert [line[:4] for line in out.splitlines()] == ["FAIL", "FAIL"]
+
+
+def test_json_is_a_line_for_each_take_and_nothing_else(takes):
+    code, out, err = run(takes, "--json")
+    assert (code, err) == (1, "")
+    rows = [json.loads(line) for line in out.splitlines()]
+    assert [row["passes"] for row in rows] == [True, True, False, False]
 
 
 def test_verbose_says_what_to_do(takes):
@@ -141,11 +175,81 @@ def test_workers_find_the_same_in_the_same_order(takes, tmp_path):
     for n_workers in (1, 2):
         folder = tmp_path / str(n_workers)
         folder.mkdir()
-        run(takes, "--workers", n_workers, "--json", folder / "check.json")
+        run(takes, "--workers", n_workers, "--report", folder / "check.json")
         reports.append(json.loads((folder / "check.json").read_text(encoding="utf-8"))["takes"])
     for take in (*reports[0], *reports[1]):
         assert take.pop("seconds") > 0
     assert reports[0] == reports[1]
+
+
+def test_presets_are_ordered_from_strict_to_loose():
+    names = list(PRESETS)
+    for strict, loose in itertools.pairwise(names):
+        assert set(PRESETS[strict]) == set(PRESETS[loose])
+        assert all(PRESETS[strict][limit] <= PRESETS[loose][limit] for limit in PRESETS[strict])
+    assert set(PRESETS[names[0]]) <= set(annotations(TakeLimits))
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_preset_gives_the_limits_that_are_left_open(preset, tmp_path):
+    path = tmp_path / "studio.yaml"
+    path.write_text(f"check: {{preset: {preset}, missing: 3, bone_deviation: null}}\n", encoding="utf-8")
+    check = resolve(path, {}, ["check.swaps=7"]).check
+    assert (check.missing, check.bone_deviation, check.swaps) == (3.0, None, 7)
+    assert (check.longest_inner_gap, check.replaced) == tuple(
+        PRESETS[preset][name] for name in ("longest_inner_gap", "replaced")
+    )
+    assert resolve(None, {}, [f"check.preset={preset}"]).check.missing == PRESETS[preset]["missing"]
+
+
+def test_the_documented_presets_are_those_of_the_code():
+    rows = re.findall(
+        r"^\| `([a-z-]+)` \| ([\d.]+) s \| ([\d.]+) % \| ([\d.]+) % \| (\d+) \| (\d+) mm \|$",
+        RECIPES.read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
+    assert {name: [*map(float, values)] for name, *values in rows} == {
+        name: [*map(float, limits.values())] for name, limits in PRESETS.items()
+    }
+
+
+def test_the_preset_is_named_wherever_the_result_is(takes, tmp_path):
+    files = {name: tmp_path / f"check.{name}" for name in ("json", "xml", "md")}
+    arguments = ("--report", files["json"], "--junit", files["xml"], "--summary", files["md"])
+    code, out, _ = run(takes / "clean.c3d", "--preset", "film", "--set", "check.missing=50", *arguments)
+    assert code == 0
+    assert out.splitlines()[-1] == "1 of 1 takes pass; limits of the preset film but for missing"
+    assert json.loads(files["json"].read_text(encoding="utf-8"))["config"]["check"]["preset"] == "film"
+    assert "preset film" in ElementTree.parse(files["xml"]).getroot().get("name")
+    assert "Limits of the preset film but for missing." in files["md"].read_text(encoding="utf-8")
+    assert run(takes / "clean.c3d", "--preset", "radio")[0] == 2
+
+
+def test_github_is_told_where_it_asks(takes, tmp_path, monkeypatch):
+    swap, step = takes / "bad" / "swap.c3d", tmp_path / "step.md"
+    step.write_text("before\n", encoding="utf-8")
+    _, _, err = run(swap)
+    assert err == ""
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(step))
+    code, _, err = run(takes)
+    assert code == 1
+    assert [line.split(",")[0] for line in err.splitlines()] == [
+        f"::error file={takes / 'bad' / name}" for name in ("metres.c3d", "swap.c3d")
+    ]
+    text = step.read_text(encoding="utf-8")
+    assert text.startswith("before\n## mocapclean check: 2 of 4 takes pass\n\nThe default limits.\n")
+    assert run(swap, "--annotations", "none")[2] == ""
+    other = tmp_path / "other.md"
+    run(swap, "--summary", other)
+    assert step.read_text(encoding="utf-8").count("## ") == 2
+    code, _, err = run(swap, "--summary", other)
+    assert code == 2
+    assert "--overwrite" in err
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(tmp_path / "none" / "step.md"))
+    code, _, err = run(swap)
+    assert code == 2
+    assert "GITHUB_STEP_SUMMARY cannot be written" in err
 
 
 def test_a_take_that_needs_too_long_fails(takes):
@@ -176,7 +280,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
         (["{take}", "--junit", "{take}"], "must not be"),
         (["{take}", "--set", "check.longest_gap=-1"], "check.longest_gap must be"),
         (["{take}", "--set", "check.longest_gab=1"], "Did you mean 'longest_gap'"),
-        (["{take}", "--junit", "{empty}/x", "--json", "{empty}/x"], "must be different files"),
+        (["{take}", "--junit", "{empty}/x", "--report", "{empty}/x"], "must be different files"),
     ],
 )
 def test_wrong_usage_is_told_and_nothing_is_written(takes, tmp_path, arguments, message):
@@ -229,11 +333,27 @@ def test_the_commands_of_ci_run(shop, name):
 
 
 def test_the_pre_commit_hook_takes_files(shop):
+    (declared,) = YAML(typ="safe", pure=True).load(HOOKS.read_text(encoding="utf-8"))
     (repo,) = YAML(typ="safe", pure=True).load(recipe("pre-commit"))["repos"]
-    (hook,) = repo["hooks"]
-    assert re.search(hook["files"], "captures/clean.c3d")
-    done = subprocess.run([*hook["entry"].split(), "captures/clean.c3d"], cwd=shop, capture_output=True, timeout=60)
-    assert done.returncode == 0
+    (used,) = repo["hooks"]
+    assert used["id"] == declared["id"]
+    for name in ("captures/clean.c3d", "walk.BVH", "05_13.amc"):
+        assert re.search(declared["files"], name)
+    assert not re.search(declared["files"], "05.asf")
+    command = [*declared["entry"].split(), *used["args"]]
+    done = subprocess.run([*command, "captures/clean.c3d"], cwd=shop, capture_output=True, timeout=60, check=False)
+    assert (done.returncode, done.stdout) == (0, b"")
+    failing = subprocess.run(
+        [*command, "captures/bad/swap.c3d"], cwd=shop, capture_output=True, timeout=60, check=False
+    )
+    assert failing.returncode == 1
+    assert failing.stdout.startswith(b"FAIL")
+
+
+def test_pre_commit_understands_the_hook():
+    clientlib = pytest.importorskip("pre_commit.clientlib", reason="pre-commit is not installed")
+    (hook,) = clientlib.load_manifest(str(HOOKS))
+    assert hook["language"] == "python"
 
 
 def test_the_shell_loop_puts_aside_what_fails(shop):
@@ -245,7 +365,7 @@ def test_the_shell_loop_puts_aside_what_fails(shop):
 
 @pytest.mark.skipif(shutil.which("jq") is None, reason="jq is not installed")
 def test_the_jq_lines_answer(shop):
-    run("captures", "--json", "check.json")
+    run("captures", "--report", "check.json")
     for line in recipe("jq").splitlines():
         done = subprocess.run(["sh", "-c", line], cwd=shop, capture_output=True, text=True, timeout=30)
         assert done.returncode == 0, done.stderr

@@ -29,7 +29,7 @@ def test_a_map_is_written_in_every_format(tmp_path, suffix):
     assert (tmp_path / f"map{suffix}").read_bytes().startswith(MAGIC[suffix])
 
 
-@pytest.mark.parametrize("option", [["--marker", "STRN", "--frames", "100-240"], ["--bones"]])
+@pytest.mark.parametrize("option", [["--marker", "STRN", "--frames", "100:240"], ["--bones"]])
 def test_curves_and_bones_are_drawn_of_a_filled_take(tmp_path, option):
     code, _, error = run("plot", SAMPLES / "walk.c3d", "-o", tmp_path / "one.png", "--method", "spline", *option)
     assert code == 0, error
@@ -43,7 +43,7 @@ def test_curves_and_bones_are_drawn_of_a_filled_take(tmp_path, option):
         ["-o", "one.jpg"],
         ["-o", "one.png", "--marker", "NOBODY"],
         ["-o", "one.png", "--marker", "STRN", "--bones"],
-        ["-o", "one.png", "--frames", "9-2"],
+        ["-o", "one.png", "--frames", "9:2"],
     ],
 )
 def test_what_cannot_be_drawn_is_refused(tmp_path, monkeypatch, arguments):
