@@ -13,7 +13,7 @@ from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, T
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.choose import checked_before_filling
-from mocapclean.pipeline.frame_range import within
+from mocapclean.pipeline.frame_range import touching, within
 from mocapclean.pipeline.outcome import Breach, Outcome, Verdict
 from mocapclean.pipeline.prepare import Prepared, prepare
 from mocapclean.pipeline.summary import bone_reports, summarise
@@ -94,12 +94,13 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
     return Verdict(
         source=source,
         format=prepared.format,
-        n_frames=len(take.trusted),
+        n_frames=len(whole.trusted),
         n_markers=len(take.markers),
-        first_frame=take.first_frame,
+        first_frame=whole.first_frame,
+        judged=prepared.judged,
         measures=measures,
         breaches=tuple(breaches),
-        findings=take.findings,
+        findings=touching(whole.findings, prepared.frames),
         inspected=inspected and replace(inspected, format=prepared.format),
     )
 

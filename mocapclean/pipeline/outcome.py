@@ -170,7 +170,8 @@ class Outcome:
 class Verdict:
     """The result of a check: the measured value for each limit, and the limits that the take breaks.
 
-    inspected: counts, gaps and bones of the take, where a page is made of it.
+    judged: the first and the last number of the frames that are judged; None for all. inspected: counts, gaps and bones
+    of the take, where a page is made of it.
     """
 
     source: Path
@@ -180,6 +181,7 @@ class Verdict:
     n_frames: int = 0
     n_markers: int = 0
     first_frame: int = 1
+    judged: tuple[int, int] | None = None
     measures: Mapping[str, float] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     inspected: Outcome | None = None
@@ -188,3 +190,11 @@ class Verdict:
     def passes(self) -> bool:
         """Whether all limits are kept."""
         return not self.breaches
+
+    @property
+    def worst(self) -> tuple[tuple[Breach, int], ...]:
+        """The worst breach of each limit, and how many breaches of the limit there are."""
+        limits: dict[str, list[Breach]] = {}
+        for breach in self.breaches:
+            limits.setdefault(breach.limit, []).append(breach)
+        return tuple((max(each, key=lambda breach: breach.found or 0.0), len(each)) for each in limits.values())

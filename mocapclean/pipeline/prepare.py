@@ -45,6 +45,12 @@ class Prepared:
         return codes
 
     @property
+    def judged(self) -> tuple[int, int] | None:
+        """The first and the last number of the frames to judge and repair; None for all of the take."""
+        frames = self.frames.start, self.frames.stop
+        return None if frames == (0, len(self.whole.trusted)) else self.whole.numbers(*frames)
+
+    @property
     def touched(self) -> Bools:
         """The samples (F, M) of the gaps that lie in the frames to repair, in whole or in part."""
         gaps = np.zeros_like(self.selected.trusted)

@@ -39,6 +39,10 @@ def rebuilt_view(
     after = written.select(columns)
     stored = _from_sidecar(sidecar, before) if sidecar else None
     codes, sd = stored if stored else _from_row(row, before, after)
+    if judged := row.get("judged_frames"):
+        inside = np.zeros(len(codes), dtype=bool)
+        inside[slice(*_span(judged, before))] = True
+        leave_outside(codes, inside)
     supplied = (codes == Status.FILLED) | (codes == Status.REPLACED)
     after = replace(after, trusted=before.trusted, filled=supplied & ~before.trusted)
     return view(whole, before, written, after, codes, sd, invalidated=bool(config.get("invalidate")))
@@ -145,10 +149,6 @@ def _from_row(row: Mapping[str, Any], before: Take, after: Take) -> tuple[Codes,
             codes[span] = np.where(supplied, answer, codes[span])
             if gap["expected_3d"] is not None:
                 sd[span] = np.where(supplied, gap["expected_3d"] / _EXPECTED_PER_SD, np.nan)
-    if judged := row.get("judged_frames"):
-        inside = np.zeros(len(codes), dtype=bool)
-        inside[slice(*_span(judged, before))] = True
-        leave_outside(codes, inside)
     return codes, None if np.isnan(sd).all() else sd
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from mocapclean.errors import printable
-from mocapclean.pipeline.outcome import Breach, Verdict
+from mocapclean.pipeline.outcome import Verdict
 
 MOST_ROWS = 500
 """Most takes in a summary, chosen by hand: GitHub takes at most 1 MiB for each step."""
@@ -31,20 +31,12 @@ def markdown(verdicts: Sequence[Verdict], limits: str) -> str:
     if failed:
         lines += ["| take | limits | what is wrong |", "|---|---|---|"]
     for verdict in failed[:MOST_ROWS]:
-        names = ", ".join(dict.fromkeys(breach.limit for breach in verdict.breaches))
-        texts = "<br>".join(_cell(breach.message) for breach in _worst_of_each(verdict))
+        names = ", ".join(breach.limit for breach, _ in verdict.worst)
+        texts = "<br>".join(_cell(breach.message) for breach, _ in verdict.worst)
         lines.append(f"| {_cell(str(verdict.source))} | {_cell(names)} | {texts} |")
     if len(failed) > MOST_ROWS:
         lines += ["", f"{len(failed) - MOST_ROWS:,} more takes fail."]
     return "\n".join(lines) + "\n"
-
-
-def _worst_of_each(verdict: Verdict) -> list[Breach]:
-    """Return the worst breach of each limit."""
-    by_limit: dict[str, list[Breach]] = {}
-    for breach in verdict.breaches:
-        by_limit.setdefault(breach.limit, []).append(breach)
-    return [max(breaches, key=lambda breach: breach.found or 0.0) for breaches in by_limit.values()]
 
 
 def _cell(text: str) -> str:

@@ -67,6 +67,7 @@ def verdict_row(verdict: Verdict) -> dict[str, Any]:
         "format": verdict.format,
         "frames": verdict.n_frames,
         "first_frame": verdict.first_frame,
+        "judged_frames": _judged(verdict),
         "markers": verdict.n_markers,
         "measures": plain(verdict.measures),
         "breaches": plain(verdict.breaches),
@@ -137,7 +138,7 @@ def row(outcome: Outcome) -> dict[str, Any]:
         "format": outcome.format,
         "frames": outcome.n_frames,
         "first_frame": first,
-        "judged_frames": None if outcome.judged is None else dict(zip(("first", "last"), outcome.judged, strict=True)),
+        "judged_frames": _judged(outcome),
         "markers": outcome.n_markers,
         "rate": outcome.rate,
         "method": outcome.method,
@@ -170,6 +171,11 @@ def row(outcome: Outcome) -> dict[str, Any]:
             "lengths": plain(outcome.bones),
         },
     }
+
+
+def _judged(result: Outcome | Verdict) -> dict[str, int] | None:
+    """Return the first and the last frame that are judged, or None for all of the take."""
+    return None if result.judged is None else {"first": result.judged[0], "last": result.judged[1]}
 
 
 def _gap(gap: GapReport, first: int) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from mocapclean.errors import printable
 from mocapclean.evaluation.metrics import GRADES, Error
 from mocapclean.formats.declarations import DECLARATIONS
-from mocapclean.pipeline.outcome import Breach, Candidate, GapReport, Outcome, Verdict
+from mocapclean.pipeline.outcome import Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
 _LABEL_WIDTH = 12  # characters of the left column
@@ -78,19 +78,13 @@ def verdict(take: Verdict, *, verbose: bool = False) -> str:
     With ``verbose``, every breach has a line of its own, with advice.
     """
     if take.passes:
-        shape = f"{_count(take.n_markers, column(take.format))} x {_count(take.n_frames, 'frame')}"
+        frames = "frames {}-{}".format(*take.judged) if take.judged else _count(take.n_frames, "frame")
+        shape = f"{_count(take.n_markers, column(take.format))} x {frames}"
         missing, distrusted = take.measures["missing"], take.measures["distrusted"]
         return f"pass  {take.source}: {shape}, {missing:.2f} % missing, {distrusted:.2f} % distrusted or suspicious"
     if verbose:
         return "\n".join([f"FAIL  {take.source}", *(f"      {one.message}; {one.advice}" for one in take.breaches)])
-    limits: dict[str, list[Breach]] = {}
-    for breach in take.breaches:
-        limits.setdefault(breach.limit, []).append(breach)
-    worst_of_each = []
-    for breaches in limits.values():
-        worst = max(breaches, key=lambda breach: breach.found or 0.0)
-        more = f" (and {len(breaches) - 1} more)" if len(breaches) > 1 else ""
-        worst_of_each.append(f"{worst.message}{more}")
+    worst_of_each = (f"{worst.message}{f' (and {n - 1} more)' if n > 1 else ''}" for worst, n in take.worst)
     return f"FAIL  {take.source}: {'; '.join(worst_of_each)}"
 
 

@@ -18,6 +18,14 @@ from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS
 
 BASH = shutil.which("bash")
+LISTING = """
+import sys
+from mocapclean.__main__ import main
+try:
+    main()
+finally:
+    print(*sys.modules, file=sys.stderr)
+"""
 
 
 def offered(*words):
@@ -79,8 +87,7 @@ def test_a_broken_take_offers_nothing(tmp_path):
 def asked(shell, line, place):
     """The answer of the command, in a process of its own, to a shell that completes a line."""
     environment = {**os.environ, VARIABLE: f"{shell}_complete", "COMP_WORDS": line, "COMP_CWORD": str(place)}
-    script = "import sys\nfrom mocapclean.__main__ import main\ntry:\n  main()\nfinally:\n  print(*sys.modules, file=sys.stderr)"
-    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", LISTING], env=environment, capture_output=True, text=True, check=False)
     return done.stdout.split(), done.stderr.split()
 
 

@@ -151,8 +151,24 @@ def test_inspection_and_check_judge_the_frames_alone(tmp_path):
     assert not CheckTake(resolve(None, limits))(path).passes
     verdict = CheckTake(resolve(None, {**limits, "frames": f"{FIRST + 20}:{FIRST + 39}"}))(path)
     assert verdict.passes
-    assert (verdict.n_frames, verdict.first_frame, verdict.measures["missing"]) == (20, FIRST + 20, 0.0)
+    assert (verdict.judged, verdict.measures["missing"]) == ((FIRST + 20, FIRST + 39), 0.0)
+    assert verdict.measures["duration"] == pytest.approx(0.2)
     assert CheckTake(resolve(None, {**limits, "frames": f":{FIRST + 9}"}))(path).measures["longest_gap"] == 5
+
+
+def test_the_view_of_a_check_is_rebuilt(tmp_path):
+    path = store(tmp_path, [(frame, 2) for frame in range(5, 15)])
+    chosen = resolve(None, {"frames": f"{FIRST + 10}:{FIRST + 39}", "check": {"longest_gap": 2}})
+    views = []
+    verdict = CheckTake(chosen, lambda _, view: views.append(view))(path)
+    row = record.verdict_row(verdict)
+    (finding,) = row["findings"]
+    assert (finding["first"], finding["last"]) == (FIRST + 5, FIRST + 14)
+    (breach,) = row["breaches"]
+    assert f"({FIRST + 10}-{FIRST + 14})" in breach["message"]
+    found = rebuilt_view(row, chosen.as_json(), path, None, None)
+    assert np.array_equal(found.codes, views[0].codes)
+    assert (found.codes == Status.MISSING).sum() == 5
 
 
 def test_events_name_a_cycle(tmp_path):
