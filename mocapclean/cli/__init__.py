@@ -34,6 +34,7 @@ class Commands(click.Group):
         from importlib import import_module
 
         command: click.Command = import_module(f"mocapclean.cli.{cmd_name}").command
+        command.short_help = self.summaries[cmd_name]
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -17,7 +17,6 @@ from mocapclean.config.presets import PRESETS
 from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS
 
-BASH = shutil.which("bash")
 LISTING = """
 import sys
 from mocapclean.__main__ import main
@@ -112,14 +111,31 @@ def test_another_shell_is_refused():
     assert run("completion", "tcsh")[0] == 2
 
 
-def in_bash(folder, *words):
-    """What bash completes for the last word."""
-    command = folder / PROGRAM
+@pytest.fixture
+def in_shell(tmp_path):
+    """Run a script in a shell that finds the command; return the lines that it prints."""
+    command = tmp_path / PROGRAM
     command.write_text(f'#!/bin/sh\nexec {sys.executable} -m mocapclean "$@"\n', encoding="utf-8")
     command.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "HOME": str(tmp_path)}
+
+    def lines(shell, options, script):
+        found = shutil.which(shell)
+        if found is None:
+            pytest.skip(f"{shell} is not installed")
+        done = subprocess.run(
+            [found, *options, "-c", script], env=environment, capture_output=True, text=True, timeout=60, check=True
+        )
+        assert not done.stderr
+        return done.stdout.splitlines()
+
+    return lines
+
+
+def in_bash(in_shell, *words):
+    """What bash completes for the last word."""
     quoted = " ".join(f"'{word}'" for word in words)
     script = f"""
-        export PATH={folder}:$PATH
         eval "$(mocapclean completion bash)"
         compopt() {{ echo "compopt $1 $2"; }}
         COMP_WORDS=({quoted}); COMP_CWORD={len(words) - 1}
@@ -127,38 +143,40 @@ def in_bash(folder, *words):
         printf '%s\\n' "${{COMPREPLY[@]}}"
         complete -p mocapclean
     """
-    done = subprocess.run([BASH, "--norc", "-c", script], capture_output=True, text=True, timeout=60, check=True)
-    assert not done.stderr
-    *answers, registered = done.stdout.splitlines()
+    *answers, registered = in_shell("bash", ["--norc"], script)
     assert "_mocapclean_completion" in registered
     return answers
 
 
-@pytest.mark.skipif(BASH is None, reason="bash is not installed")
-def test_bash_completes(tmp_path):
-    assert in_bash(tmp_path, "mocapclean", "fill", "--method", "kr") == ["kriging"]
-    assert in_bash(tmp_path, "mocapclean", "fill", "--set", "trust.drift.le") == [
-        "compopt -o nospace",
-        "trust.drift.least=",
-    ]
+def test_bash_completes(in_shell):
+    assert in_bash(in_shell, "mocapclean", "fill", "--method", "kr") == ["kriging"]
+    answers = in_bash(in_shell, "mocapclean", "fill", "--set", "trust.drift.le")
+    assert answers == ["compopt -o nospace", "trust.drift.least="]
 
 
-@pytest.mark.skipif(BASH is None, reason="bash is not installed")
-def test_bash_escapes_spaces_in_names(tmp_path):
+def test_bash_escapes_spaces_in_names(in_shell, tmp_path):
     path = tmp_path / "take.c3d"
     labels = texts("POINT", "LABELS", ["Left Knee", "RASI", "SACR", "LASI", "C7"])
     path.write_bytes(C3D(walk(), extra={"LABELS": labels}).build())
-    assert in_bash(tmp_path, "mocapclean", "fill", path, "--markers", "Lef") == [r"Left\ Knee"]
+    assert in_bash(in_shell, "mocapclean", "fill", path, "--markers", "Lef") == [r"Left\ Knee"]
 
 
-@pytest.mark.parametrize("shell", ["zsh", "fish"])
-def test_other_shells_read_the_script(shell, tmp_path):
-    found = shutil.which(shell)
-    if found is None:
-        pytest.skip(f"{shell} is not installed")
-    script = tmp_path / "script"
-    script.write_text(run("completion", shell)[1], encoding="utf-8")
-    subprocess.run([found, "-n", str(script)], check=True, timeout=60)
+def test_fish_completes_with_whole_descriptions(in_shell):
+    script = (
+        'mocapclean completion fish | source; complete -C "mocapclean fill --method kr"; complete -C "mocapclean ins"'
+    )
+    assert in_shell("fish", ["--no-config"], script) == ["kriging", f"inspect\t{cli.summaries['inspect']}"]
+
+
+def test_zsh_completes(in_shell):
+    script = """
+        compdef() { true }
+        compadd() { print -rl -- "${(P)@[-1]}" }
+        eval "$(mocapclean completion zsh)"
+        words=(mocapclean fill --method kr); CURRENT=4
+        _mocapclean_completion
+    """
+    assert in_shell("zsh", ["-f"], script) == ["kriging"]
 
 
 def test_the_help_has_a_recipe_for_every_shell():

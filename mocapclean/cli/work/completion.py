@@ -1,4 +1,4 @@
-"""The work of ``mocapclean completion``: click's script, with two lines of bash in another form."""
+"""The work of ``mocapclean completion``: click's script, with a few lines in another form."""
 
 import click
 from click.shell_completion import BashComplete, FishComplete, ShellComplete, ZshComplete
@@ -24,7 +24,13 @@ class _Bash(BashComplete):
     ).replace("    return 0\n", _UNFINISHED)
 
 
-SHELLS: dict[str, type[ShellComplete]] = {"bash": _Bash, "zsh": ZshComplete, "fish": FishComplete}
+class _Fish(FishComplete):
+    """The script of fish, which shows descriptions with commas whole."""
+
+    source_template = FishComplete.source_template.replace('string split ","', 'string split -m 1 ","')
+
+
+SHELLS: dict[str, type[ShellComplete]] = {"bash": _Bash, "zsh": ZshComplete, "fish": _Fish}
 
 
 def work(shell: str) -> int:
