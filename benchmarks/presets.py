@@ -3,7 +3,7 @@
     python benchmarks/presets.py FOLDER
 
 Takes of each format, sorted by name, belong in turn to the halves "chosen on" and "reported on". Prints two tables in
-Markdown: takes that pass, and how many exceed each limit ("default" is without a preset); and percentiles of the measures
+Markdown: takes that pass, and how many exceed each limit ("default" has no preset); and percentiles of the measures
 of the first half, of the takes that can be read.
 """
 

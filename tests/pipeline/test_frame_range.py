@@ -111,6 +111,22 @@ def test_a_gap_across_the_border_is_filled_inside_as_in_the_whole_take(tmp_path)
     assert outcome.counts.missing == outcome.counts.filled == 10
 
 
+def test_the_frames_outside_are_learnt_from(tmp_path):
+    """The error in a range is clearly less than that in a file that holds the range alone."""
+    source, span = SAMPLES / "walk.c3d", slice(199, 260)
+    take, truth = formats.read(source), formats.read(SAMPLES / "walk_truth.c3d").positions[span]
+    formats.write(take.crop(span.start, span.stop), tmp_path / "part.c3d")
+    gaps = ~take.trusted[span]
+
+    def error(path, frames=None):
+        outcome = repair(path, tmp_path / "out.c3d", resolve(None, {**QUICK, "method": "kriging", "frames": frames}))
+        assert outcome.counts.filled == gaps.sum()
+        found = formats.read(tmp_path / "out.c3d").positions
+        return np.square((found if len(found) == len(truth) else found[span]) - truth)[gaps].mean() ** 0.5
+
+    assert error(source, "200:260") < 0.7 * error(tmp_path / "part.c3d")
+
+
 def test_a_limit_on_gaps_counts_the_whole_gap(tmp_path):
     path = store(tmp_path, [(frame, 2) for frame in range(20, 40)])
     outcome, _ = repaired(path, frames=f"{FIRST + 30}:", max_gap=15)
