@@ -16,11 +16,13 @@ from mocapclean import formats
 from mocapclean.config.loading import resolve
 from mocapclean.config.ranges import event_names, frame_limits
 from mocapclean.errors import ConfigError
+from mocapclean.formats import c3d
 from mocapclean.pipeline.check import CheckTake
 from mocapclean.pipeline.inspection import inspect
 from mocapclean.pipeline.rebuilding import rebuilt_view
 from mocapclean.pipeline.repair import repair
 from mocapclean.report import record
+from mocapclean.simulate import inject, perform
 from mocapclean.take.status import Status
 
 SCHEMA = json.loads((Path(__file__).resolve().parents[2] / "docs" / "report.schema.json").read_text(encoding="utf-8"))
@@ -134,14 +136,19 @@ def test_a_limit_on_gaps_counts_the_whole_gap(tmp_path):
 
 
 def test_exchanged_labels_are_put_back_inside_alone(tmp_path):
-    swung = points()
-    swung[15:45, [0, 1]] = swung[15:45, [1, 0]]
     path = tmp_path / "take.c3d"
-    path.write_bytes(C3D(swung, first_frame=FIRST).build())
-    outcome, output = repaired(path, frames=f"{FIRST + 30}:", fix_swaps=True)
-    before, after = formats.read(path), formats.read(output)
-    assert np.array_equal(before.positions[:30], after.positions[:30])
-    assert outcome.counts.moved == outcome.statuses.get(Status.MOVED, 0)
+    walked = perform("walk", 2.0, 120.0, 0).markers
+    c3d.create(inject(walked, np.random.default_rng(1), ["swap"]).take, path)
+    before = formats.read(path)
+    whole, output = repaired(path, fix_swaps=True, overwrite=True)
+    moved = np.flatnonzero((formats.read(output).positions != before.positions).any(axis=(1, 2)))
+    assert whole.counts.moved == 2 * len(moved) > 2
+    middle = int(moved[len(moved) // 2])
+    part, output = repaired(path, fix_swaps=True, frames=f"{before.first_frame + middle}:")
+    after = formats.read(output)
+    assert part.counts.moved == part.statuses[Status.MOVED] == 2 * (moved >= middle).sum() < whole.counts.moved
+    assert np.array_equal(before.positions[:middle], after.positions[:middle])
+    assert (before.positions[middle] != after.positions[middle]).any()
 
 
 def test_lines_of_other_frames_keep_their_bytes(tmp_path):
