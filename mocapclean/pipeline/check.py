@@ -68,10 +68,12 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
     limits = settings.check
     missing = take.distrusted_by("missing") | take.distrusted_by("user")
     _, bones, _ = bone_reports(whole, whole, prepared.frames)
+    inner = [_longest_inner_run(column) for column in missing.T]
+    worst = int(np.argmax(inner))
     bone = max(bones, key=lambda bone: bone.before.deviation or 0.0, default=None)
     measures: dict[str, float] = {
         "longest_gap": max(_longest_run(column)[0] for column in missing.T),
-        "longest_inner_gap": round(max(map(_longest_inner_run, missing.T)) / take.rate, 6),
+        "longest_inner_gap": round(inner[worst] / take.rate, 3),
         "missing": _percent(missing),
         "replaced": _percent(~take.trusted & ~missing),
         "distrusted": _percent((~take.trusted & ~missing) | take.suspicious),
@@ -81,7 +83,7 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
         "duration": round(len(take.trusted) / take.rate, 6),
     }
     breaches = [
-        *_take_breaches(take, measures, f"{bone.start} - {bone.end}" if bone else "", limits),
+        *_take_breaches(take, measures, f"{bone.start} - {bone.end}" if bone else "", take.markers[worst], limits),
         *_gap_breaches(take, missing, _without_own_gap_limit(take, limits), limits.longest_gap),
         *(breach for name, own in limits.markers.items() for breach in _marker_breaches(take, missing, name, own)),
         *_required_breaches(take, limits),
@@ -121,10 +123,15 @@ def _longest_inner_run(column: Bools) -> int:
     return max(inner, default=0)
 
 
-def _take_breaches(take: Take, measures: dict[str, float], bone: str, limits: TakeLimits) -> Iterator[Breach]:
-    """Yield the breaches of limits on the take as a whole."""
+def _take_breaches(
+    take: Take, measures: dict[str, float], bone: str, marker: str, limits: TakeLimits
+) -> Iterator[Breach]:
+    """Yield the breaches of limits on the take as a whole.
+
+    bone: the name of the worst one. marker: that of the longest inner gap.
+    """
     for name, what, unit, advice in (
-        ("longest_inner_gap", "is the longest gap of a marker that is seen before and after", " s", "fill the take"),
+        ("longest_inner_gap", f"is the longest inner gap, of {marker}", " s", "fill the take"),
         ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
         ("replaced", "of all samples would be replaced by a fill", " %", "read the findings; label the take again"),
         ("distrusted", "of all samples are distrusted or suspicious", " %", "read the findings"),
