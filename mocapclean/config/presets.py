@@ -9,7 +9,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 }
 """The limits of each preset, the strictest first; units as in ``settings.TakeLimits``.
 
-Sources: up to 0.2 s Howarth & Callaghan (2010, Comput. Methods Biomech. Biomed. Eng. 13) found splines the best of
+Sources: up to 0.2 s Howarth & Callaghan (2010, doi:10.1080/10255841003664701) found splines the best of
 three interpolations. At 0.5 and 1 s the default method has the errors of docs/results.md, `bench markers`. The other
 limits are chosen on one half of real captures, by percentiles of what is found there. docs/check.md has these, and how
 many captures pass on both halves.
