@@ -48,7 +48,7 @@ def draw(axes, path, pops):
     start = len(truth.poses) // 2
     stop = start + (1 if pops else LENGTH)
     given = damaged(truth, joint, start, stop, pops)
-    after = mocapclean.fill(mocapclean.detect(given))
+    after = mocapclean.fill(mocapclean.detect(given)).take
     takes = {"damaged": (given, "tab:red"), "repaired": (after, "tab:blue"), "truth": (truth, "black")}
     middle = (start + stop - 1) // 2
     for axis, frame in zip(axes[:3], (start, middle, stop - 1), strict=True):

@@ -7,20 +7,25 @@ TYPE_CHECKING = False  # type checkers read True; importing typing for its const
 if TYPE_CHECKING:
     from mocapclean.detection import detect
     from mocapclean.formats import read, write
-    from mocapclean.pipeline.filling import fill
+    from mocapclean.pipeline.fill import FillResult, fill
     from mocapclean.take import Take
+    from mocapclean.take.status import Status
+    from mocapclean.take.tables import from_xarray
 
 __version__ = "0.1.0"
 
 _MODULE_OF = {
     "read": "mocapclean.formats",
     "write": "mocapclean.formats",
-    "fill": "mocapclean.pipeline.filling",
+    "fill": "mocapclean.pipeline.fill",
+    "FillResult": "mocapclean.pipeline.fill",
     "detect": "mocapclean.detection",
     "Take": "mocapclean.take.take",
+    "Status": "mocapclean.take.status",
+    "from_xarray": "mocapclean.take.tables",
 }
 
-__all__ = ["Take", "__version__", "detect", "fill", "read", "write"]
+__all__ = ["FillResult", "Status", "Take", "__version__", "detect", "fill", "from_xarray", "read", "write"]
 
 
 def __getattr__(name: str) -> object:
@@ -29,3 +34,7 @@ def __getattr__(name: str) -> object:
     from importlib import import_module
 
     return getattr(import_module(_MODULE_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,4 +1,4 @@
-"""Fill the untrusted samples of a take in memory; trusted ones change only where the method is asked to denoise."""
+"""The answer of a method for a take, of markers or of joints, and the take with what is accepted of it."""
 
 from dataclasses import replace
 from typing import Any
@@ -6,31 +6,10 @@ from typing import Any
 import numpy as np
 
 from mocapclean.arrays import Bools
-from mocapclean.config.settings import DEFAULT_METHOD
 from mocapclean.dictionaries.dictionary import Dictionary
-from mocapclean.errors import UsageError
-from mocapclean.parameters import faults
 from mocapclean.pipeline.joints import fill_poses, merge_poses
-from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.running import run_method
 from mocapclean.take import Solution, Take
-
-
-def fill(take: Take, method: str = DEFAULT_METHOD, *, library: Dictionary | None = None, **parameters: Any) -> Take:
-    """Return the take with its untrusted samples filled by one method; trusted ones stay unless the method denoises.
-
-    parameters: the method's own (``mocapclean methods`` lists them). library: the trained Dictionary, for methods that
-    need one. Raises UsageError for an unknown method or parameter, SolverError when the method has no
-    answer.
-    """
-    if method not in SOLVERS:
-        raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {method!r}.")
-    if refused := faults(SOLVERS[method].Params, parameters):
-        text = "; ".join(f"{name}: {fault}, got {value!r}" for name, fault, value in refused)
-        raise UsageError(f"the parameters of {method} must be valid. {text}.")
-    params = SOLVERS[method].Params(**parameters)
-    everything = np.ones_like(take.trusted)
-    return merge(take, answer(method, take, params, everything, library), everything)
 
 
 def answer(

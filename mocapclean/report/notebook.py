@@ -12,7 +12,7 @@ from mocapclean.pipeline.view import View
 from mocapclean.report import figures
 from mocapclean.solvers import SOLVERS
 from mocapclean.take import Take
-from mocapclean.take.status import Codes, detected, supply
+from mocapclean.take.status import current
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def view_of(take: Take) -> View:
     """Return the view of a take in memory; what was filled in it counts as missing before."""
     before = replace(take, positions=np.where(take.filled[..., None], np.nan, take.positions))
-    return View(before=before, after=take, codes=_codes(take))
+    return View(before=before, after=take, codes=current(take))
 
 
 def plot(take: Take) -> "Figure":
@@ -48,20 +48,13 @@ def plot_gap(take: Take, marker: str, frame: int) -> "Figure":
     if not (take.trusted | take.filled)[index, column]:
         solution = answer(DEFAULT_METHOD, take, SOLVERS[DEFAULT_METHOD].Params(), np.ones_like(take.trusted))
         filled = merge(take, solution, np.ones_like(take.trusted))
-        view = View(before=take, after=filled, codes=_codes(filled), sd=solution.sd)
+        view = View(before=take, after=filled, codes=current(filled), sd=solution.sd)
     return figures.curves(view, marker, figures.around(view, marker, index))
 
 
 def html(take: Take) -> str:
     """Return a small map of a take with a caption, for a notebook."""
     return figures.small_map(view_of(take), _caption(take))
-
-
-def _codes(take: Take) -> Codes:
-    """Return the status of every sample of a take that may be filled in part."""
-    codes = detected(take)
-    supply(codes, take.filled & ~take.trusted)
-    return codes
 
 
 def _caption(take: Take) -> str:

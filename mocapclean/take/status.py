@@ -110,6 +110,13 @@ def counted(codes: Codes) -> Bools:
     return np.asarray(codes != Status.OUTSIDE)
 
 
+def current(take: Take) -> Codes:
+    """Return the codes (F, M) of a take in memory: those after detection, and what has been filled since."""
+    codes = detected(take)
+    supply(codes, take.filled & ~take.trusted)
+    return codes
+
+
 def undecided(codes: Codes) -> Bools:
     """Return which samples (F, M) are missing or distrusted without a decision about them."""
     return np.asarray((codes == Status.MISSING) | (codes == Status.DISTRUSTED))

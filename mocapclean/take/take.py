@@ -8,14 +8,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mocapclean.arrays import Bools, Floats, Ints
+from mocapclean.errors import UsageError
 from mocapclean.geometry.skeleton import Skeleton, influence, settled
+from mocapclean.take.content import same_content
+from mocapclean.take.names import similar_names
 from mocapclean.take.session import Session
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
@@ -97,9 +104,9 @@ class Origin:
     largest: float = float("inf")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Take:
-    """A capture as a marker matrix.
+    """A capture as a marker matrix; ``take["LANK"]`` is the path of a marker, and ``len(take)`` the number of frames.
 
     positions: (F, M, 3) float64, millimetres, finite wherever trusted.
     trusted: (F, M) bool, False for all samples that are missing or doubtful; NaN has no meaning of its own. A sample of
@@ -116,7 +123,7 @@ class Take:
     joint is trusted where all its channels are. Positions are those of the poses in which a straight line bridges the
     missing numbers. findings: of rules and formats. origin: the file, None for a take that cannot be written to one.
     session: other takes of the subject that methods may learn from, or None.
-    The arrays are read-only.
+    The arrays are read-only. Takes are equal where all of this is equal but ``origin``; NaN is equal to NaN.
     """
 
     positions: Floats
@@ -162,6 +169,80 @@ class Take:
             if known is None:
                 known = np.isfinite(self.poses) & self.trusted[:, self.owners]
             object.__setattr__(self, "known", _read_only(known))
+
+    def __repr__(self) -> str:
+        n_frames, n_markers = self.trusted.shape
+        name = f" {self.origin.path.name}" if self.origin else ""
+        columns = "markers" if self.poses is None else "joints"
+        filled = f", {int(self.filled.sum()):,} filled" if self.filled.any() else ""
+        missing = int((~self.trusted & ~self.filled).sum())
+        size = f"{n_frames:,} frames, {n_markers} {columns}, {self.rate:g} Hz"
+        return f"<Take{name}: {size}, {missing:,} samples missing{filled}>"
+
+    def __len__(self) -> int:
+        """Return the number of frames."""
+        return len(self.trusted)
+
+    def __bool__(self) -> bool:
+        """Return true: a take without frames is a take."""
+        return True
+
+    def __eq__(self, other: object) -> bool:
+        return same_content(self, other, skip=("origin",)) if isinstance(other, Take) else NotImplemented
+
+    __hash__ = None  # type: ignore[assignment]
+    __iter__ = None
+
+    def __contains__(self, marker: object) -> bool:
+        """Whether the take has a marker of this name."""
+        return marker in self.markers
+
+    def __getitem__(self, markers: str | list[str]) -> Floats:
+        """Return the path (F, 3) of a marker, or those (F, n, 3) of a list of markers, mm, as ``to_numpy`` does.
+
+        Raises UsageError for a marker that the take does not have.
+        """
+        named = [markers] if isinstance(markers, str) else markers
+        if not (isinstance(named, list) and all(isinstance(name, str) for name in named)):
+            raise UsageError(f"a take is indexed by the name of a marker or a list of names. Got {markers!r}.")
+        for name in named:
+            if name not in self.markers:
+                near = ", ".join(similar_names(name, self.markers) or self.markers[:5])
+                raise UsageError(f"the marker must be one of the take. Got {name!r}; near: {near}.")
+        columns = [self.markers.index(name) for name in named]
+        paths: Floats = np.where(self.placed[:, columns, None], self.positions[:, columns], np.nan)
+        return paths[:, 0] if isinstance(markers, str) else paths
+
+    @property
+    def placed(self) -> Bools:
+        """The samples (F, M) whose position is known or filled.
+
+        A joint has such a position where each channel that decides it is known or filled.
+        """
+        if self.known is None or self.skeleton is None:
+            return np.asarray(self.trusted | self.filled)
+        places, _ = influence(self.skeleton)
+        return np.asarray(~(~(self.known | self.filled[:, self.owners]) @ places.T))
+
+    def to_numpy(self) -> Floats:
+        """Return the positions (F, M, 3), mm, as a new array, with NaN where a sample is neither trusted nor filled."""
+        return np.where(self.placed[..., None], self.positions, np.nan)
+
+    def to_xarray(self) -> "xr.Dataset":
+        """Return the take as an xarray Dataset: position, confidence, status, sd; see ``take.tables.to_xarray``."""
+        dataset: xr.Dataset = _tables().to_xarray(self)
+        return dataset
+
+    @staticmethod
+    def from_xarray(dataset: "xr.Dataset") -> "Take":
+        """Return the take of an xarray Dataset with the layout of ``to_xarray``; see ``take.tables.from_xarray``."""
+        take: Take = _tables().from_xarray(dataset)
+        return take
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """Return the positions as a pandas table, columns (marker, axis); see ``take.tables.to_dataframe``."""
+        table: pd.DataFrame = _tables().to_dataframe(self)
+        return table
 
     @property
     def owners(self) -> Ints:
@@ -270,6 +351,11 @@ class Take:
         """Return a small map of the samples, which notebooks show."""
         html: str = _notebook().html(self)
         return html
+
+
+def _tables() -> Any:
+    """Return the module for tables of other packages; it works on takes, so that it is imported when asked for."""
+    return import_module("mocapclean.take.tables")
 
 
 def _notebook() -> Any:

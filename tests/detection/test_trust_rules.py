@@ -14,7 +14,7 @@ from mocapclean.detection.steps import LEAST_SCORE
 from mocapclean.formats import c3d, read, write
 from mocapclean.geometry.distances import rigidity
 from mocapclean.geometry.skeleton import move
-from mocapclean.pipeline.filling import fill
+from mocapclean.pipeline.fill import fill
 from mocapclean.simulate import inject, perform
 from mocapclean.take import Finding, Take
 
@@ -383,7 +383,7 @@ def test_a_file_with_swaps_put_back_holds_the_original_numbers(box, tmp_path):
     injected = inject(box, np.random.default_rng(3), ["swap"], rate=2.0)
     c3d.create(box, tmp_path / "truth.c3d")
     c3d.create(injected.take, tmp_path / "take.c3d")
-    fixed = fill(detect(read(tmp_path / "take.c3d"), fix_swaps=True), method="linear")
+    fixed = fill(detect(read(tmp_path / "take.c3d"), fix_swaps=True), method="linear").take
     assert fixed.moved.any()
     write(fixed, tmp_path / "fixed.c3d")
     assert (tmp_path / "fixed.c3d").read_bytes() == (tmp_path / "truth.c3d").read_bytes()

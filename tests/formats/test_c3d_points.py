@@ -14,7 +14,7 @@ from mocapclean import formats
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats import c3d
 from mocapclean.formats.c3d.point_kinds import SEGMENTS, is_model_output, is_unlabelled
-from mocapclean.pipeline.filling import fill as fill_by
+from mocapclean.pipeline.fill import fill as fill_by
 from mocapclean.take import Finding, ReadOptions, Take
 
 MARKERS = ["C7", "CLAV", "LASI", "RASI", "LKNE", "RKNE", "LANK", "RANK"]
@@ -336,7 +336,7 @@ def test_numbers_that_are_none_warn_nowhere(tmp_path: Path, value: float) -> Non
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         take = load(tmp_path, C3D(points))
-        filled = fill_by(take, "linear")
+        filled = fill_by(take, "linear").take
     assert np.isfinite(take.positions).all()
     assert filled.filled[20:40, 2].all()
 

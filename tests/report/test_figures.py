@@ -78,7 +78,7 @@ def test_a_gap_is_filled_for_its_figure_alone(take):
 
 
 def test_a_filled_take_shows_what_was_filled(take):
-    filled = mocapclean.fill(take, "spline")
+    filled = mocapclean.fill(take, "spline").take
     view = notebook.view_of(filled)
     assert np.array_equal(view.in_output, filled.trusted | filled.filled)
     assert not view.in_file[filled.filled].any()

@@ -1,0 +1,86 @@
+"""``mocapclean.fill``: one result, with the same samples, status and numbers as the command."""
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import mocapclean
+from mocapclean.cli import cli
+from mocapclean.errors import UsageError
+from mocapclean.take.status import Status
+from tests.conftest import SAMPLES
+
+CASES = {
+    "default": ({}, []),
+    "limits": ({"max_gap": 30, "max_error": 1.0}, ["--max-gap", "30", "--max-error", "1"]),
+    "markers": (
+        {"method": "spline", "markers": ["L*"], "self_check": False},
+        ["--method", "spline", "--markers", "L*", "--no-self-check"],
+    ),
+}
+
+
+def command(tmp_path, *options):
+    """The bytes of the output, the row of the report, and the arrays of the command."""
+    out, arrays = tmp_path / "out.c3d", tmp_path / "out.npz"
+    arguments = ["fill", str(SAMPLES / "walk.c3d"), "-o", str(out), "--sidecar", str(arrays), "--json", *options]
+    done = CliRunner().invoke(cli, arguments)
+    assert done.exit_code == 0, done.stderr
+    return out.read_bytes(), json.loads(done.stdout), np.load(arrays)
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_the_function_and_the_command_fill_alike(tmp_path, case):
+    options, arguments = CASES[case]
+    content, row, arrays = command(tmp_path, *arguments)
+    take = mocapclean.detect(mocapclean.read(SAMPLES / "walk.c3d"))
+    result = mocapclean.fill(take, **options)
+    mocapclean.write(result.take, tmp_path / "python.c3d")
+    assert (tmp_path / "python.c3d").read_bytes() == content
+    assert np.array_equal(result.status, arrays["status"])
+    if result.sd is not None:
+        supplied = result.take.filled
+        np.testing.assert_allclose(result.sd[supplied], arrays["sd"][supplied], rtol=1e-12)
+    assert result.method == row["method"]
+    assert (result.counts.filled, result.counts.left) == (row["counts"]["filled"], row["counts"]["left"])
+    assert [gap.grade or None for gap in result.gaps] == [gap["grade"] for gap in row["gaps"]]
+    assert [gap.status.code for gap in result.gaps] == [gap["status"] for gap in row["gaps"]]
+    assert sum(result.grades.values()) == sum(bool(gap.grade) for gap in result.gaps)
+    assert (result.self_check is None) == (row["self_check"] is None)
+
+
+def test_auto_tells_what_it_chose():
+    take = mocapclean.read(SAMPLES / "walk.c3d").crop(0, 150)
+    result = mocapclean.fill(take, "auto")
+    assert result.choice.method == result.method
+    assert result.self_check.total.error.samples > 0
+    assert result.method in repr(result)
+
+
+def test_nothing_is_detected_and_a_gap_of_the_file_is_missing():
+    take = mocapclean.read(SAMPLES / "walk.c3d")
+    result = mocapclean.fill(take, "linear", self_check=False)
+    assert np.array_equal(result.take.trusted, take.trusted)
+    assert {*np.unique(result.status[~take.trusted])} == {Status.FILLED, Status.AT_END}
+    assert result.sd is None
+    assert result.self_check is None
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"method": "nobody"}, "a method must be one of"),
+        ({"method": "auto", "rank": 3}, "method auto has no parameters. Got rank."),
+        ({"method": "svt", "tolerance": -1.0}, "the parameters of svt must be valid. tolerance"),
+        ({"max_gap": 0}, "the options of fill must be valid. max_gap"),
+        ({"markers": ["NOBODY"]}, "markers must name markers of the take"),
+        ({"method": "linear", "max_error": 3.0}, "max_error must go with a method that gives error bars"),
+    ],
+)
+def test_a_wrong_call_gets_one_sentence(options, message):
+    with pytest.raises(UsageError) as refused:
+        mocapclean.fill(mocapclean.read(SAMPLES / "walk.c3d"), **options)
+    assert message in str(refused.value)
+    assert "\n" not in str(refused.value)
