@@ -24,6 +24,10 @@ class SolverError(MocapcleanError):
     """A method cannot fill this take."""
 
 
+class PackageError(MocapcleanError):
+    """A method or a rule of another package cannot be used."""
+
+
 class WorkerError(MocapcleanError):
     """The process of a take was lost: it crashed, or exceeded a limit of time or memory."""
 

@@ -5,7 +5,7 @@ reading a small take. A class that keeps its defaults needs no check.
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform, get_origin
@@ -53,6 +53,32 @@ class Field:
         from pydantic import Field as PydanticField
 
         return handler.generate_schema(Annotated[source, PydanticField(**self.limits)])
+
+
+class NameIn:
+    """A name in a registry, or one of some further words; part of the annotation of a text."""
+
+    def __init__(self, names: Collection[str], *words: str) -> None:
+        self.names, self.words = names, words
+
+    def __contains__(self, value: object) -> bool:
+        return value in self.words or value in self.names
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return pydantic's schema of such a name."""
+        from pydantic_core import core_schema
+
+        return core_schema.no_info_after_validator_function(self._known, handler(source))
+
+    def __get_pydantic_json_schema__(self, core_schema: Any, handler: Any) -> Any:
+        """Return the JSON Schema of such a name."""
+        return {"type": "string", "enum": [*self.names, *self.words]}
+
+    def _known(self, value: str) -> str:
+        if value not in self:
+            *most, last = map(repr, (*self.names, *self.words))
+            raise ValueError(f"{', '.join(most)} or {last}")
+        return value
 
 
 Positive = Annotated[float, Field(gt=0)]

@@ -15,7 +15,7 @@ def methods(ctx: click.Context, param: click.Parameter, incomplete: str) -> list
     """Return the methods that begin like this, and auto where one method is chosen."""
     from mocapclean.solvers import SOLVERS
 
-    return _beginning(incomplete, [*SOLVERS, *(["auto"] if param.name == "method" else [])])
+    return _beginning(incomplete, [*SOLVERS, *SOLVERS.installed(), *(["auto"] if param.name == "method" else [])])
 
 
 def keys(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[str]:

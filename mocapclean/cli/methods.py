@@ -11,9 +11,13 @@ from mocapclean.cli.options import Command, examples
 
 @click.command("methods", cls=Command, epilog=examples("mocapclean methods", "mocapclean methods kriging"))
 @click.argument("names", nargs=-1, shell_complete=completing.methods)
+@click.option("--check", is_flag=True, help="Try the laws of all methods on NAMES, such as one of your own package.")
 @guarded
 def command(**options: Any) -> int:
-    """List the methods, or show NAMES in full: model, source, parameters."""
+    """List the methods, or show NAMES in full: model, source, parameters.
+
+    Methods of other installed packages are listed too. --check exits with code 1 if a law that must hold is broken.
+    """
     from mocapclean.cli.work import methods
 
     return methods.work(**options)

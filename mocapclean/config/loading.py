@@ -1,18 +1,18 @@
 """Settings from a YAML file and the command line; every refused value is named with its file, line and key."""
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import is_dataclass
 from difflib import get_close_matches
 from pathlib import Path
 from types import UnionType
-from typing import TYPE_CHECKING, Any, Literal, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
 from mocapclean.config.presets import with_preset
 from mocapclean.config.sections import Sections
 from mocapclean.config.settings import DEFAULT_METHOD, Settings
 from mocapclean.errors import ConfigError
-from mocapclean.parameters import annotations, checker
+from mocapclean.parameters import NameIn, annotations, checker
 from mocapclean.solvers import SOLVERS
 
 if TYPE_CHECKING:
@@ -79,6 +79,8 @@ def _is_plainly(annotation: Any, value: Any) -> bool:
     """Whether a value is a truth value, a path, or one of some words, and is of this type without any check."""
     if get_origin(annotation) is Literal:
         return value in get_args(annotation)
+    if get_origin(annotation) is Annotated:
+        return any(isinstance(each, NameIn) and value in each for each in annotation.__metadata__)
     if get_origin(annotation) in (Union, UnionType):
         return any(_is_plainly(kind, value) for kind in get_args(annotation))
     return annotation in (bool, Path) and isinstance(value, annotation)
@@ -179,12 +181,12 @@ def _keys(location: tuple[int | str, ...]) -> Iterator[str]:
         section = section_of(section, str(key))
 
 
-def names_of(section: Any) -> Sequence[str] | None:
+def names_of(section: Any) -> Collection[str] | None:
     """Return the keys of a section; None for the type of a value."""
     if not isinstance(section, type):
         return None
     if issubclass(section, Sections):
-        return list(section.modules)
+        return section.modules
     return list(annotations(section)) if is_dataclass(section) else None
 
 

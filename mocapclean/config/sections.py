@@ -32,10 +32,11 @@ class Sections(Mapping[str, Any]):
         return self[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self.modules)
+        """Yield the names of the project's modules, then those of other packages that the user sets."""
+        return iter(dict.fromkeys((*self.modules, *self.given)))
 
     def __len__(self) -> int:
-        return len(self.modules)
+        return len({*self.modules, *self.given})
 
     def __eq__(self, other: object) -> bool:
         """Whether all parameters are the same; those that neither has been given need no comparison."""
@@ -57,7 +58,8 @@ class Sections(Mapping[str, Any]):
         """Return the JSON Schema of a section, in which every module has its keys."""
         from pydantic import TypeAdapter
 
-        parts = {name: TypeAdapter(module.Params).json_schema() for name, module in cls.modules.items()}
+        names = (*cls.modules, *cls.modules.installed())
+        parts = {name: TypeAdapter(cls.modules[name].Params).json_schema() for name in names}
         return {"type": "object", "properties": parts, "additionalProperties": False}
 
     @classmethod

@@ -12,7 +12,7 @@ from mocapclean.config.sections import Sections
 from mocapclean.detection import RULES
 from mocapclean.evaluation.self_check import Params as HidingParams
 from mocapclean.json_values import plain
-from mocapclean.parameters import AtLeastOne, Field, NotNegative, Positive, but, parameters
+from mocapclean.parameters import AtLeastOne, Field, NameIn, NotNegative, Positive, but, parameters
 from mocapclean.solvers import AUTO_CANDIDATES, SOLVERS
 from mocapclean.units import MILLIMETRES
 
@@ -86,7 +86,7 @@ class Grades:
 class Auto:
     """The candidates of method auto, in the order in which they are tried."""
 
-    methods: tuple[Literal[tuple(SOLVERS)], ...] = AUTO_CANDIDATES  # type: ignore[valid-type]
+    methods: tuple[Annotated[str, NameIn(SOLVERS)], ...] = AUTO_CANDIDATES
     """The candidates, in the order in which they are tried."""
 
 
@@ -142,7 +142,7 @@ class TakeLimits(MarkerLimits):
 class Settings:
     """Every option of the command. Lengths are millimetres, times are frames."""
 
-    method: Literal[(*SOLVERS, "auto")] = DEFAULT_METHOD  # type: ignore[valid-type]
+    method: Annotated[str, NameIn(SOLVERS, "auto")] = DEFAULT_METHOD
     """How to fill: a name from 'mocapclean methods', or auto to choose for each take."""
     auto: Auto = field(default_factory=Auto)
     """How method auto chooses."""
@@ -235,13 +235,15 @@ class Settings:
     @property
     def rules(self) -> dict[str, Any]:
         """Return the parameters of the trust rules to run, by rule name."""
-        names = RULES if self.detect else ("missing",)
+        names = self.trust if self.detect else ("missing",)
         return {name: self.trust[name] for name in names}
 
     @property
     def identity(self) -> dict[str, Any]:
-        """Return all options that the repaired samples depend on, as JSON values."""
-        return {name: value for name, value in self.as_json().items() if name not in _NO_EFFECT_ON_REPAIR}
+        """Return all that the repaired samples depend on, as JSON values: options, and packages with own methods."""
+        options = {name: value for name, value in self.as_json().items() if name not in _NO_EFFECT_ON_REPAIR}
+        packages = {*map(SOLVERS.origin, options["methods"]), *map(RULES.origin, options["trust"])} - {""}
+        return options | ({"packages": sorted(packages)} if packages else {})
 
     def __iter__(self) -> Iterator[tuple[str, Any]]:
         """Yield every option with its value."""
@@ -251,7 +253,8 @@ class Settings:
     def as_json(self) -> dict[str, Any]:
         """Return all options as JSON values; ``methods`` are those that may be used or that the user sets."""
         used = self.auto.methods if self.method == "auto" else (self.method,)
-        methods = {name: self.methods[name] for name in SOLVERS if name in used or name in self.methods.given}
+        names = dict.fromkeys((*self.methods, *used))
+        methods = {name: self.methods[name] for name in names if name in used or name in self.methods.given}
         return {name: plain(methods if name == "methods" else value) for name, value in self}
 
     def but(self, **changes: Any) -> "Settings":

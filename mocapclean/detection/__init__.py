@@ -1,6 +1,7 @@
 """Detection of samples that cannot be trusted: rules that lower trust, and never raise it.
 
-A rule is a module in ``rules`` and a line in ``RULES``. The module has:
+A rule is a module in ``rules`` and a line in ``RULES``, or a module of another package with an entry point of the group
+``mocapclean.rules`` (docs/own_methods.md), which runs where it is named. The module has:
 
 - ``Params``: a frozen dataclass of its parameters, with their defaults; ``replace`` is its level (``levels``);
 - ``examine(evidence, params)``: returns the samples (F, M) that the rule doubts, and its Findings;
@@ -47,22 +48,30 @@ RULES: Modules[ModuleType] = Modules(
         "hold",
         "splice",
     ),
+    group="mocapclean.rules",
+    needs=("Params", "examine"),
 )
 
 
 def detect(
-    take: Take, rules: Mapping[str, Any] | None = None, *, fix_swaps: bool = False, replace: str = "sure"
+    take: Take,
+    rules: Mapping[str, Any] | None = None,
+    *,
+    also: Sequence[str] = (),
+    fix_swaps: bool = False,
+    replace: str = "sure",
 ) -> Take:
     """Return a take in which the samples that a rule distrusts are untrusted, with the findings of the rules.
 
     rules: name -> ``Params`` of the rules to run, unless they are not ``enabled``; None runs all of ``RULES`` with
-    their defaults. fix_swaps: exchange swapped labels back (``moved``) instead of reporting them. replace: "sure"
+    their defaults. also: names of further rules to run with their defaults, such as those of other packages.
+    fix_swaps: exchange swapped labels back (``moved``) instead of reporting them. replace: "sure"
     distrusts the samples of findings that the level of their rule lets act, "suspicious" those of all findings, and
     "missing" none. Raises UsageError for a name that is not in ``RULES``, or another choice.
     """
     if replace not in REPLACE:
         raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
-    params = _of_kind(with_one_boundary(_enabled(rules)), "markers" if take.poses is None else "joints")
+    params = _of_kind(with_one_boundary(_enabled(rules, also)), "markers" if take.poses is None else "joints")
     if fix_swaps and "swap" in params:
         take = RULES["swap"].undo(Evidence(take), params.pop("swap"))
     # Within the rules every doubt counts, so that those that look after the others find what they leave.
@@ -71,7 +80,8 @@ def detect(
         given = _after(evidence, found) if last else evidence
         for name in params:
             if getattr(RULES[name], "AFTER_OTHERS", False) == last:
-                found.append(Found(params[name], *RULES[name].examine(given, params[name])))
+                with RULES.blamed(name):
+                    found.append(Found(params[name], *RULES[name].examine(given, params[name])))
     found = levelled(found, evidence, replace)
     findings = _united([finding for each in found for finding in each.findings])
     found_take = dataclasses.replace(take, findings=(*take.findings, *findings))
@@ -108,13 +118,16 @@ def _after(evidence: Evidence, found: Sequence[Found]) -> Evidence:
     return Evidence(dataclasses.replace(evidence.take, trusted=trusted))
 
 
-def _enabled(rules: Mapping[str, Any] | None) -> dict[str, Any]:
-    """Return the parameters of the rules that are enabled, in the order of ``RULES``."""
-    params = {name: module.Params() for name, module in RULES.items()} if rules is None else rules
-    for name in params:
+def _enabled(rules: Mapping[str, Any] | None, also: Sequence[str]) -> dict[str, Any]:
+    """Return the parameters of the rules that are enabled, in the order of ``RULES``, then those of other packages."""
+    for name in (*(rules or ()), *also):
         if name not in RULES:
-            raise UsageError(f"a trust rule must be one of {', '.join(RULES)}. Got {name!r}.")
-    return {name: params[name] for name in RULES if name in params and getattr(params[name], "enabled", True)}
+            known = ", ".join((*RULES, *RULES.installed()))
+            raise UsageError(f"a trust rule must be one of {known}. Got {name!r}.")
+    params = {name: module.Params() for name, module in RULES.items()} if rules is None else {**rules}
+    params |= {name: RULES[name].Params() for name in also if name not in params}
+    order = dict.fromkeys((*RULES, *params))
+    return {name: params[name] for name in order if name in params and getattr(params[name], "enabled", True)}
 
 
 def _united(findings: Sequence[Finding]) -> list[Finding]:

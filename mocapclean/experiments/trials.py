@@ -17,15 +17,12 @@ from mocapclean.config.loading import resolve
 from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.simulate import block_loss, hide, random_loss
-from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.names import needs_dictionary, require_method
 from mocapclean.solvers.running import run_method
 from mocapclean.take import ReadOptions, Solution, Take
 
 CMU_UNIT = 25.4 / 0.45
 """Millimetres per unit of length of the CMU's AMC and ASF files: an inch is 25.4 mm, and the files' scale is 0.45."""
-
-LEARNERS = tuple(name for name, module in SOLVERS.items() if module.TRAITS.needs_dictionary)
-"""The methods that need a trained dictionary."""
 
 Measures = Mapping[str, float | int]
 """The measures of a trial, by column name."""
@@ -85,7 +82,7 @@ class Entry:
     """A method with its parameters in an experiment.
 
     variant: a name that tells several entries of one method apart. changes: parameters that differ from the defaults.
-    learned: the dictionary of a method in ``LEARNERS``.
+    learned: the dictionary of a method that needs one.
     """
 
     method: str
@@ -105,7 +102,7 @@ class Request:
 
     methods: empty for the experiment's own methods. changes: parameters by method. n_seeds: repetitions with other
     random losses. quick: fewer and shorter trials. folder: further captures, for training. dictionary: for the methods
-    in ``LEARNERS``. masks: captures whose natural gaps are put into the others.
+    that need one. masks: captures whose natural gaps are put into the others.
     """
 
     captures: tuple[Capture, ...] = ()
@@ -139,10 +136,10 @@ class Request:
         The user's value of a parameter replaces that of an entry. trained: the experiment trains dictionaries itself.
         Raises UsageError for an unknown method or one without its dictionary, ConfigError for an unknown parameter.
         """
-        for name in {*self.methods, *self.changes} - {*SOLVERS}:
-            raise UsageError(f"a method must be one of {', '.join(SOLVERS)}. Got {name!r}.")
+        for name in (*self.methods, *self.changes):
+            require_method(name)
         if self.dictionary is None and not trained:
-            for name in {*self.methods} & {*LEARNERS}:
+            for name in filter(needs_dictionary, self.methods):
                 raise UsageError(f"{name} needs a trained dictionary. Give --dictionary, or use 'bench wang2016'.")
         others = [Entry(method=name) for name in self.methods if name not in {entry.method for entry in own}]
         wanted = [entry for entry in (*own, *others) if not self.methods or entry.method in self.methods]
@@ -156,7 +153,7 @@ class Request:
 
     def _with_dictionary(self, entry: Entry) -> Entry:
         """Return the entry with the user's dictionary, if its method needs one."""
-        if self.dictionary is None or entry.method not in LEARNERS:
+        if self.dictionary is None or not needs_dictionary(entry.method):
             return entry
         return replace(entry, variant=f"with {self.dictionary.sha256[:8]}", learned=self.dictionary)
 

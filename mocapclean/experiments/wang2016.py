@@ -30,7 +30,8 @@ from mocapclean.errors import UsageError
 from mocapclean.experiments.experiment import Experiment
 from mocapclean.experiments.losses import curves
 from mocapclean.experiments.results import Curve, Figure, Panel, Results, Table, number
-from mocapclean.experiments.trials import LEARNERS, Capture, Entry, Loss, Request, Trial, TrialResult, grid, solve
+from mocapclean.experiments.trials import Capture, Entry, Loss, Request, Trial, TrialResult, grid, solve
+from mocapclean.solvers.names import needs_dictionary
 
 MEASURES = ("rmse_cm", "seconds", "iterations", "converged", "left", "share", "tuned")
 RATIOS = (0.1, 0.2, 0.3)
@@ -85,7 +86,7 @@ def _tunable(entry: Entry) -> bool:
 
 def _needs_training(entry: Entry) -> bool:
     """Whether an entry needs training takes."""
-    return _tunable(entry) or (entry.method in LEARNERS and entry.learned is None)
+    return _tunable(entry) or (needs_dictionary(entry.method) and entry.learned is None)
 
 
 class Training:
@@ -99,7 +100,7 @@ class Training:
         """Return the entry with its tuned parameter and its dictionary."""
         if _tunable(entry):
             entry = replace(entry, changes={**entry.changes, **self.tuned(entry.method)})
-        if entry.method in LEARNERS and entry.learned is None:
+        if needs_dictionary(entry.method) and entry.learned is None:
             entry = replace(entry, learned=self.dictionary())
         return entry
 
@@ -111,7 +112,7 @@ class Training:
         """Return the tuned parameter of a method by name; empty if there are too few training takes."""
         name, values = TUNED[method]
         folds = self.takes[:N_FOLDS]
-        if method in LEARNERS and len(self.takes) == 1:
+        if needs_dictionary(method) and len(self.takes) == 1:
             return {}
         errors = [
             sum(self._fold_error(Entry(method=method, changes={name: value}), fold) for fold in folds)
@@ -124,7 +125,7 @@ class Training:
         short = replace(fold, n_frames=self.n_frames)
         loss = Loss(length=LENGTH, out=max(1, round(FOLD_SHARE * len(fold.take.markers))))
         others = [capture for capture in self.takes if capture is not fold]
-        learned = _trained(others, QUICK_TRAINING) if entry.method in LEARNERS else None
+        learned = _trained(others, QUICK_TRAINING) if needs_dictionary(entry.method) else None
         return float(run(short, replace(entry, learned=learned), loss, 0)[0]["rmse_cm"])
 
 

@@ -19,6 +19,7 @@ from mocapclean.pipeline.completion import complete, facts, requested, turns
 from mocapclean.pipeline.outcome import Counts, GapReport, MethodChoice
 from mocapclean.pipeline.summary import summarise
 from mocapclean.solvers import SOLVERS
+from mocapclean.solvers.names import require_method
 from mocapclean.take import Take
 from mocapclean.take.status import Codes, detected
 
@@ -126,8 +127,7 @@ def fill(
 
 def _settings(method: str, parameters: Mapping[str, Any], **options: Any) -> Settings:
     """Return the settings of a fill; raise UsageError for an unknown method, or a parameter or option out of range."""
-    if method != "auto" and method not in SOLVERS:
-        raise UsageError(f"a method must be one of {', '.join(SOLVERS)}, auto. Got {method!r}.")
+    require_method(method, "auto")
     if method == "auto" and parameters:
         raise UsageError(f"method auto has no parameters. Got {', '.join(parameters)}.")
     _refuse(faults(Settings, options), "the options of fill")

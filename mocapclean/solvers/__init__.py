@@ -11,6 +11,8 @@ A method module has
 
 ``running.run_method`` calls ``solve``, with at least one fillable sample unless trusted samples are to be corrected.
 
+A package of its own adds a method by an entry point of the group ``mocapclean.methods`` (docs/own_methods.md).
+
 A method never reads an untrusted sample and fills nothing but fillable ones. It has no access to files, the clock, the
 terminal or a global random state.
 """
@@ -40,6 +42,8 @@ SOLVERS: Modules[Method] = Modules(
         "srmmp",
         "llc",
     ),
+    group="mocapclean.methods",
+    needs=("REFERENCE", "TRAITS", "Params", "solve"),
 )
 
 AUTO_CANDIDATES = ("kriging", "pca", "pma", "kalman", "spline", "linear")

@@ -140,7 +140,18 @@ def _solve(
         inputs.append(require_dictionary(dictionary))
     if traits.needs_bones:
         inputs.append(_bones(take, traits))
-    return module.solve(take, params, gaps, *inputs)
+    with SOLVERS.blamed(name):
+        return _sound(module.solve(take, params, gaps, *inputs), take)
+
+
+def _sound(solution: Solution, take: Take) -> Solution:
+    """Return a solution; raise ValueError unless its arrays have the shapes of the take."""
+    shape = take.trusted.shape
+    for name, expected in (("positions", (*shape, 3)), ("filled", shape), ("sd", shape), ("moved", shape)):
+        values = getattr(solution, name)
+        if values is not None and np.shape(values) != expected:
+            raise ValueError(f"{name} must have the shape {expected}, got {np.shape(values)}")
+    return solution
 
 
 def _nothing_to_fill(take: Take, gaps: Bools, traits: Traits) -> Solution:
