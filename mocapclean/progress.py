@@ -1,12 +1,15 @@
 """The current stage of the work on a take, for a listener such as a bar on a terminal.
 
-Without a listener, as in a library, a pipe or a worker process, the functions do nothing.
+Without a listener, as in a library, a pipe or a worker process, nothing is shown. Each stage is also a detail of the
+log.
 """
 
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Protocol
+
+from mocapclean import logs
 
 
 class Listener(Protocol):
@@ -28,6 +31,7 @@ _outer = ""
 
 def stage(name: str, total: int = 0) -> None:
     """Begin a stage of the work, such as "filling", of ``total`` equal steps, such as gaps; 0 if not counted."""
+    logs.detail("stage", stage=_outer or name, steps=total or None)
     if _listener is not None:
         _listener.stage(_outer or name, total)
 

@@ -29,6 +29,7 @@ ORDER = (
     "files",
     "cores",
     "progress",
+    "logs",
     "json_values",
     "parameters",
     "registry",

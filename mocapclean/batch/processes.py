@@ -15,6 +15,7 @@ from typing import Any
 
 from pebble import ProcessExpired, ProcessPool
 
+from mocapclean import logs
 from mocapclean.batch.limits import WorkerLimits, memory_limit
 from mocapclean.batch.pool import Job, JobResults, Result, Stop, Work, attempt, exit_description, timeout_error
 from mocapclean.errors import MocapcleanError, WorkerError
@@ -110,11 +111,13 @@ def _new_pool(module: str) -> ProcessPool:
     context = multiprocessing.get_context("forkserver" if has_forkserver else "spawn")
     if has_forkserver:
         context.set_forkserver_preload([module])
-    return ProcessPool(max_workers=1, initializer=_prepare_worker, context=context)
+    return ProcessPool(max_workers=1, initializer=_prepare_worker, initargs=[logs.shown_level()], context=context)
 
 
-def _prepare_worker() -> None:
-    """Set up a worker process: it ignores Ctrl-C, ends at SIGTERM, and ends when its parent has ended."""
+def _prepare_worker(log_level: int) -> None:
+    """Set up a worker process: it ignores Ctrl-C, ends at SIGTERM, ends when its parent has ended, and logs as that."""
+    if log_level:
+        logs.show(log_level)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_exit_with_parent, daemon=True).start()

@@ -6,7 +6,7 @@ import click
 
 from mocapclean.cli import completing
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import DICTIONARY, FILE, RATE, SKELETON, TAKES, UNIT, Command, examples, overwriting
+from mocapclean.cli.options import DICTIONARY, FILE, RATE, SKELETON, TAKES, UNIT, Command, examples, overwriting, verbose
 from mocapclean.experiments.protocols import EXPERIMENTS
 
 
@@ -55,6 +55,7 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 )
 @overwriting(default=False)
 @click.option("--plots/--no-plots", "wants_plots", default=True, help="Draw figures; needs the extra 'plots'.")
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Run an EXPERIMENT on takes (.c3d, .bvh, .amc), whose trusted samples are the truth.

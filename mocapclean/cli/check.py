@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import AS_JSON, FILE, HTML, OVERWRITE, QUIET, TAKES, Command, examples, reading, working
+from mocapclean.cli.options import AS_JSON, FILE, HTML, OVERWRITE, QUIET, TAKES, Command, examples, reading, working, verbose
 from mocapclean.cli.stages import stages_shown
 from mocapclean.config.presets import PRESETS
 
@@ -36,7 +36,7 @@ from mocapclean.config.presets import PRESETS
 @OVERWRITE
 @AS_JSON
 @QUIET
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every exceeded limit, and what to do.")
+@verbose("Print details: every exceeded limit, and what to do.")
 @working
 @reading
 @guarded

@@ -19,6 +19,7 @@ from mocapclean.cli.options import (
     batching,
     examples,
     reading,
+    verbose,
 )
 from mocapclean.cli.stages import stages_shown
 
@@ -72,7 +73,7 @@ from mocapclean.cli.stages import stages_shown
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @QUIET
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every gap and finding.")
+@verbose("Print details: every gap and finding.")
 @click.option("--resume", is_flag=True, help="Skip takes that an earlier run into --out-dir finished, if unchanged.")
 @AS_JSON
 @batching

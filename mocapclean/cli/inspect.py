@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import AS_JSON, FILE, TAKES, Command, examples, reading
+from mocapclean.cli.options import AS_JSON, FILE, TAKES, Command, examples, reading, verbose
 from mocapclean.cli.stages import stages_shown
 
 
@@ -16,7 +16,7 @@ from mocapclean.cli.stages import stages_shown
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
 @AS_JSON
-@click.option("-v", "--verbose/--no-verbose", default=None, help="Print details: every gap and finding.")
+@verbose("Print details: every gap and finding.")
 @reading
 @guarded
 def command(**options: Any) -> int:

@@ -6,12 +6,13 @@ import click
 
 from mocapclean.cli import completing
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import Command, examples
+from mocapclean.cli.options import Command, examples, verbose
 
 
 @click.command("methods", cls=Command, epilog=examples("mocapclean methods", "mocapclean methods kriging"))
 @click.argument("names", nargs=-1, shell_complete=completing.methods)
 @click.option("--check", is_flag=True, help="Try the laws of all methods on NAMES, such as one of your own package.")
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """List the methods, or show NAMES in full: model, source, parameters.

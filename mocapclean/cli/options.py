@@ -95,6 +95,26 @@ def seed(text: str = "files") -> Callable[[Decorated], Decorated]:
     )
 
 
+
+def _show_log(ctx: click.Context, param: click.Parameter, count: int) -> bool | None:
+    """Show the log while the command runs: steps for one ``-v``, their details too for more; return None for none."""
+    if not count:
+        return None
+    from mocapclean import logs  # not needed for help
+
+    logs.show(logs.INFO if count == 1 else logs.DEBUG)
+    ctx.call_on_close(logs.hide)
+    return True
+
+
+def verbose(prints: str = "") -> Callable[[Decorated], Decorated]:
+    """Return a decorator that adds ``-v``, which logs to standard error and, where it says so, also prints more."""
+    text = f"{prints} Log each step to standard error; -vv: in detail.".strip()
+    return click.option(
+        "-v", "--verbose", count=True, expose_value=bool(prints), callback=_show_log, is_eager=True, help=text
+    )
+
+
 _READING = (
     *(SKELETON, RATE, UNIT),
     click.option("--gaps", type=FILE, help="CSV of spans to distrust: marker,first,last (the file's frame numbers)."),

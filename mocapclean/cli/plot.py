@@ -6,7 +6,7 @@ import click
 
 from mocapclean.cli import completing
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, METHOD, OUTPUT, OVERWRITE, TAKES, Command, examples, reading
+from mocapclean.cli.options import FILE, METHOD, OUTPUT, OVERWRITE, TAKES, Command, examples, reading, verbose
 from mocapclean.cli.stages import stages_shown
 
 
@@ -30,6 +30,7 @@ from mocapclean.cli.stages import stages_shown
 @METHOD
 @OVERWRITE
 @reading
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Draw the map of the samples of takes (.c3d, .bvh, .amc): what is missing, distrusted and suspicious, and when.

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, OUTPUT, TAKES, Command, examples, overwriting
+from mocapclean.cli.options import FILE, OUTPUT, TAKES, Command, examples, overwriting, verbose
 
 
 @click.command("report", cls=Command, epilog=examples("mocapclean report all.json captures/ clean/ -o report.html"))
@@ -13,6 +13,7 @@ from mocapclean.cli.options import FILE, OUTPUT, TAKES, Command, examples, overw
 @click.argument("files", nargs=-1, type=FILE, metavar=f"[{TAKES}]")
 @click.option("-o", "--output", type=FILE, required=True, help=f"{OUTPUT}a page, .html.")
 @overwriting(default=False)
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Write the page of REPORT, a JSON report of fill or check, for any browser.

@@ -5,7 +5,7 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import FILE, Command, examples, overwriting, seed
+from mocapclean.cli.options import FILE, Command, examples, overwriting, seed, verbose
 from mocapclean.simulate import FAULTS, MOTIONS
 from mocapclean.units import MILLIMETRES
 
@@ -51,6 +51,7 @@ from mocapclean.units import MILLIMETRES
 @click.option("--stated-as", type=click.Choice(list(MILLIMETRES)), help="Store markers in this unit, but state mm.")
 @seed()
 @overwriting(default=False)
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Write simulated takes with gaps (NAME) and complete (NAME_truth), as C3D, BVH and AMC with ASF.

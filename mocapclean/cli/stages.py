@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from mocapclean import progress
+from mocapclean import logs, progress
 
 
 def drawn_bar(**options: Any) -> Any:
@@ -21,7 +21,7 @@ def drawn_bar(**options: Any) -> Any:
 @contextmanager
 def stages_shown(options: dict[str, Any]) -> Iterator[None]:
     """Show the stages of the work inside the block, from the first moment on, unless the options ask for quiet."""
-    if options.get("quiet") or not sys.stderr.isatty():
+    if options.get("quiet") or logs.shown_level() or not sys.stderr.isatty():
         yield
         return
     bar = _StageBar()

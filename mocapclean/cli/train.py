@@ -18,6 +18,7 @@ from mocapclean.cli.options import (
     examples,
     overwriting,
     seed,
+    verbose,
 )
 from mocapclean.dictionaries.training_parameters import Params
 from mocapclean.parameters import about
@@ -46,6 +47,7 @@ def _training(command: Any) -> Any:
 @seed()
 @overwriting(default=False)
 @_training
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc).

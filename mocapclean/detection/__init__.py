@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from mocapclean import logs
 from mocapclean.arrays import Bools
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import with_one_boundary
@@ -71,6 +72,21 @@ def detect(
     """
     if replace not in REPLACE:
         raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
+    with logs.timed("detected") as values:
+        found = _detected(take, rules, also, fix_swaps, replace)
+        findings = found.findings[len(take.findings) :]
+        values |= {"distrusted": int((take.trusted & ~found.trusted).sum()), "findings": len(findings)}
+        values["suspicious"] = int(found.suspicious.sum())
+    for finding in findings if logs.details_are_wanted() else ():
+        first, last = take.numbers(*finding.frames) if finding.frames else (None, None)
+        logs.detail(
+            "finding", rule=finding.rule, marker=finding.marker, first=first, last=last, message=finding.message
+        )
+    return found
+
+
+def _detected(take: Take, rules: Mapping[str, Any] | None, also: Sequence[str], fix_swaps: bool, replace: str) -> Take:
+    """Return the take that ``detect`` returns."""
     params = _of_kind(with_one_boundary(_enabled(rules, also)), "markers" if take.poses is None else "joints")
     if fix_swaps and "swap" in params:
         take = RULES["swap"].undo(Evidence(take), params.pop("swap"))

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from mocapclean import logs
 from mocapclean.errors import FormatError, UsageError
 from mocapclean.files import check_output, new_file
 from mocapclean.formats.contract import Declaration, Format
@@ -84,13 +85,17 @@ def read(
     module = FORMATS[format_of(path)]
     options = ReadOptions(skeleton=Path(skeleton) if skeleton else None, rate=rate, unit=unit, points=tuple(points))
     try:
-        with path.open("rb") as file:
-            head = file.read(SNIFFED_BYTES)
-        if not head:
-            raise FormatError(path, "the file is empty.")
-        if not module.sniff(head):
-            raise FormatError(path, f"the content is not {path.suffix.lower()[1:].upper()}.", byte=0)
-        return module.read(path, options)
+        with logs.timed("read", file=path, format=format_of(path)) as values:
+            with path.open("rb") as file:
+                head = file.read(SNIFFED_BYTES)
+            if not head:
+                raise FormatError(path, "the file is empty.")
+            if not module.sniff(head):
+                raise FormatError(path, f"the content is not {path.suffix.lower()[1:].upper()}.", byte=0)
+            take = module.read(path, options)
+            values |= {"frames": len(take), "markers": len(take.markers), "rate": take.rate}
+            values["missing"] = int((~take.trusted).sum())
+            return take
     except OSError as fault:
         raise FormatError(path, f"cannot be read: {fault.strerror or fault}.") from None
 
@@ -152,9 +157,10 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
     path = Path(path)
     name = format_of(path)
     check_output(path, take.origin.path if take.origin else None, overwrite)
-    if take.origin and take.origin.format == name:
-        return _write_copy(name, take, path, invalidate)
-    return _write_new(name, take, path, overwrite)
+    with logs.timed("written", file=path, format=name, changed=int(take.changed.sum())):
+        if take.origin and take.origin.format == name:
+            return _write_copy(name, take, path, invalidate)
+        return _write_new(name, take, path, overwrite)
 
 
 def _write_copy(name: str, take: Take, path: Path, invalidate: bool) -> Take:

@@ -4,12 +4,12 @@ The command and the function ``mocapclean.fill`` both work through ``complete``.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from mocapclean import progress
+from mocapclean import logs, progress
 from mocapclean.arrays import Bools, Floats, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import Dictionary
@@ -63,21 +63,28 @@ def complete(
     """
     checks_itself = settings.checks_itself
     settings, choice, checked = settle_method(selected, wanted, settings, dictionary)
+    logs.event("method", method=settings.method, because=choice and choice.because)
+    logs.detail("parameters", **asdict(settings.params))
     if not (~selected.trusted & counted(codes)).any():
         nothing = np.zeros_like(selected.trusted)
         solution = Solution(positions=selected.positions, filled=nothing, reason="nothing to fill")
     else:
         progress.stage("filling")
-        solution = solver(settings.method, settings, dictionary)(selected, wanted)
+        with logs.timed("filled", method=settings.method, wanted=int((wanted & ~selected.trusted).sum())) as values:
+            solution = solver(settings.method, settings, dictionary)(selected, wanted)
+            values |= {"filled": int(solution.filled.sum()), **facts(solution)}
     # Candidates of auto were compared on all their answers. Where uncertain ones are left, the chosen is checked again.
     leaves_some = settings.largest_error is not None and SOLVERS[settings.method].TRAITS.error_bars
     if checks_itself and (checked is None or leaves_some):
-        checked = check_filled(selected, wanted, solution, settings, dictionary)
+        with logs.timed("self-check") as values:
+            checked = check_filled(selected, wanted, solution, settings, dictionary)
+            values |= _measured(checked)
     sd = _error_bars(selected, solution, wanted, settings)
     if sd is not None and checked is not None:
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(selected, codes, solution, sd, settings, largest)
     merged = merge(selected, solution, supplied(codes))
+    logs.event("accepted", filled=int(supplied(codes).sum()), left=int((~selected.trusted & ~supplied(codes)).sum()))
     around = contacts(selected, merged.filled) if selected.poses is not None else ()
     return Completion(
         take=kept(selected, merged, around) if settings.keep_contacts else merged,
@@ -89,6 +96,13 @@ def complete(
         checked=checked,
         around=around,
     )
+
+
+def _measured(checked: SelfCheck) -> dict[str, Any]:
+    """Return what a self-check has measured, or why nothing, for the log."""
+    total, error = checked.total, checked.total.error
+    measured = {"gaps": total.gaps, "samples": total.samples, "because": checked.because or None}
+    return measured | ({"rmse_3d": error.rmse_3d, "largest": error.largest} if error else {})
 
 
 def requested(

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -103,8 +103,7 @@ def fill(
         self_check=self_check,
         markers=tuple(markers),
     )
-    if not take.findings:
-        take = detect(take, {"missing": RULES["missing"].Params()})
+    take = _with_gaps_named(take)
     codes = detected(take)
     wanted = requested(take, codes, settings)
     largest = take.origin.largest if take.origin else np.inf
@@ -123,6 +122,16 @@ def fill(
         self_check=done.checked,
         facts=facts(done.solution),
     )
+
+
+def _with_gaps_named(take: Take) -> Take:
+    """Return the take in which untrusted samples without a finding have one, as missing in the file."""
+    unnamed = ~take.trusted & ~take.distrusted
+    if not unnamed.any():
+        return take
+    missing = {"missing": RULES["missing"].Params()}
+    gaps = detect(replace(take, trusted=~unnamed, findings=()), missing).findings
+    return replace(take, findings=(*take.findings, *gaps))
 
 
 def _settings(method: str, parameters: Mapping[str, Any], **options: Any) -> Settings:

@@ -6,7 +6,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from time import perf_counter
 
-from mocapclean import formats, progress
+from mocapclean import formats, logs, progress
 from mocapclean.config.settings import Settings
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
@@ -42,12 +42,15 @@ def repair(
     """
     started = perf_counter()
     try:
-        outcome = _repair(source, output, settings, arrays, keep, session)
+        with logs.about(source), logs.timed("repaired"):
+            outcome = _repair(source, output, settings, arrays, keep, session)
     except MocapcleanError as error:
         outcome = Outcome(source=source, status="failed", error=str(error), exit_code=error.exit_code)
     except MemoryError:
         message = f"{source}: there is not enough memory for this take."
         outcome = Outcome(source=source, status="failed", error=message, exit_code=1)
+    if outcome.status == "failed":
+        logs.event("failed", take=source, error=outcome.error)
     return replace(outcome, seconds=perf_counter() - started)
 
 

@@ -279,6 +279,11 @@ class Take:
         return self._named(lambda finding: finding.rule == rule and not finding.suspicion)
 
     @property
+    def distrusted(self) -> Bools:
+        """The samples (F, M) that a finding distrusts, those missing in the file included."""
+        return self._named(lambda finding: not finding.suspicion)
+
+    @property
     def suspicious(self) -> Bools:
         """The trusted samples (F, M) that a rule reports without distrusting them."""
         return self.trusted & self._named(lambda finding: finding.suspicion)

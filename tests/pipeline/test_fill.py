@@ -1,5 +1,6 @@
 """``mocapclean.fill``: one result, with the same samples, status and numbers as the command."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -66,6 +67,20 @@ def test_nothing_is_detected_and_a_gap_of_the_file_is_missing():
     assert {*np.unique(result.status[~take.trusted])} == {Status.FILLED, Status.AT_END}
     assert result.sd is None
     assert result.self_check is None
+
+
+def test_samples_that_the_caller_distrusts_are_missing_and_those_of_a_rule_are_replaced():
+    take = mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120)
+    spiked = take.positions.copy()
+    column = next(k for k in range(len(take.markers)) if take.trusted[:, k].all())
+    spiked[60, column] += 400.0
+    take = mocapclean.detect(dataclasses.replace(take, positions=spiked))
+    assert not take.trusted[60, column]
+    trusted = take.trusted.copy()
+    trusted[30:40, column] = False
+    status = mocapclean.fill(dataclasses.replace(take, trusted=trusted), self_check=False).status
+    assert status[60, column] == Status.REPLACED
+    assert (status[30:40, column] == Status.FILLED).all()
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mocapclean import progress
+from mocapclean import logs, progress
 from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
 from mocapclean.batch.limits import WorkerLimits, processors
@@ -70,11 +70,11 @@ def stopping(*, on_cluster: bool = False) -> Iterator[Stop]:
 
 
 class TakeBar:
-    """The bar over the takes of a run, on a terminal; a run of one take has none, and a quiet run has none."""
+    """The bar over the takes of a run, on a terminal; a run of one take, a quiet one and one that logs have none."""
 
     def __init__(self, n_takes: int, *, quiet: bool) -> None:
         self._bar: Any = None
-        if n_takes != 1 and not quiet and sys.stderr.isatty():
+        if n_takes != 1 and not (quiet or logs.shown_level()) and sys.stderr.isatty():
             self._bar = drawn_bar(total=n_takes, unit="take")
 
     def __enter__(self) -> "TakeBar":
