@@ -3,6 +3,7 @@
 import gc
 import os
 import sys
+from io import TextIOWrapper
 
 from mocapclean import __version__
 
@@ -15,6 +16,10 @@ def main() -> None:
     # The matrices are narrow, so that several BLAS threads only wait for each other. NumPy reads this when imported.
     for library in ("OPENBLAS", "MKL", "OMP"):
         os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    for stream in (sys.stdout, sys.stderr):
+        # Where Windows writes to a pipe or a file, its encoding has not every letter of a name.
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
     from mocapclean.cli import cli
 
     try:

@@ -15,7 +15,7 @@ Part = TypeVar("Part")
 Result = TypeVar("Result")
 
 # A forked process begins at once with all data of its parent; one that is spawned imports and receives everything anew.
-_START = "fork" if sys.platform == "linux" else "spawn"
+_START = "fork" if sys.platform == "linux" and hasattr(os, "fork") else "spawn"
 _LEAST_PARTS = {"fork": 2, "spawn": 24}[_START]
 """Parts from which starting processes pays: a part takes about 0.1 s, a start 0.02 s or 1 s; chosen by hand."""
 

@@ -3,6 +3,8 @@
 import contextlib
 import hashlib
 import os
+import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,9 +15,21 @@ STEM_BYTES = 100
 DIGEST_DIGITS = 12
 """Hexadecimal digits of the hash of the whole name, which keep two names with the same first bytes apart."""
 
+MOST_CHARACTERS = 259
+"""Characters of a path on Windows where long paths are not switched on: its MAX_PATH, less the last NUL."""
+
+_on_windows = sys.platform == "win32"
+_RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³]|conin\$|conout\$) *(\..*)?", re.IGNORECASE)
+"""Names of devices, with any suffix: Microsoft, Naming Files, Paths, and Namespaces."""
+
 
 def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
-    """Raise UsageError when writing ``path`` would touch the input, a folder, or a file without ``overwrite``."""
+    """Raise UsageError when writing ``path`` would touch the input, a folder, or a file without ``overwrite``.
+
+    On Windows also for the name of a device, which keeps nothing, and for a colon, which hides the file in another one.
+    """
+    if _on_windows and (_RESERVED.fullmatch(path.name) or ":" in path.name):
+        raise UsageError(f"{path}: Windows keeps no file of this name. Choose another name.")
     if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
         raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")
     if os.path.isdir(path):
@@ -43,14 +57,24 @@ def new_file(path: Path) -> Iterator[Path]:
     try:
         os.close(os.open(part, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as fault:
-        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
+        raise _not_written(path, fault, part) from None
     try:
         yield part
         _store(part, path)
     except OSError as fault:
-        raise FormatError(path, f"cannot be written: {fault.strerror or fault}.") from None
+        raise _not_written(path, fault, part) from None
     finally:
         part.unlink(missing_ok=True)
+
+
+def _not_written(path: Path, fault: OSError, part: Path) -> FormatError:
+    """Return the error of a file that cannot be written, with what is peculiar to Windows."""
+    advice = ""
+    if _on_windows and isinstance(fault, PermissionError):
+        advice = " Close the program that has it open."
+    if _on_windows and len(os.path.abspath(part)) > MOST_CHARACTERS:
+        advice = f" The path of its temporary file has more than {MOST_CHARACTERS} characters; choose a shorter one."
+    return FormatError(path, f"cannot be written: {fault.strerror or fault}.{advice}")
 
 
 def discard_parts(path: Path) -> None:
@@ -69,6 +93,6 @@ def _part_prefix(path: Path) -> str:
 
 def _store(part: Path, path: Path) -> None:
     """Force a finished file to the disk, then give it its name in one step."""
-    with part.open("rb") as file:
+    with part.open("r+b") as file:  # Windows forces only files to the disk that are open for writing
         os.fsync(file.fileno())
     part.replace(path)

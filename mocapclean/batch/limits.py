@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from math import ceil
 from pathlib import Path
+from types import ModuleType
 
 from mocapclean.errors import UsageError
 
@@ -37,7 +38,7 @@ def processors(root: Path = _ROOT) -> int:
 def _quotas(root: Path) -> Iterator[float]:
     """Yield the quotas, in processors, of this process's control groups and all groups above them."""
     try:
-        groups = [line.split(":", 2) for line in (root / "proc/self/cgroup").read_text().splitlines()]
+        groups = [line.split(":", 2) for line in (root / "proc/self/cgroup").read_text(encoding="utf-8").splitlines()]
     except OSError:
         return
     for _, controllers, path in groups:
@@ -55,8 +56,17 @@ def _quotas(root: Path) -> Iterator[float]:
 def _words(folder: Path, names: tuple[str, ...]) -> list[str]:
     """Return the words of some files, in order; none if a file cannot be read."""
     with contextlib.suppress(OSError):
-        return " ".join((folder / name).read_text() for name in names).split()
+        return " ".join((folder / name).read_text(encoding="ascii") for name in names).split()
     return []
+
+
+def memory_limiter() -> ModuleType:
+    """Return the module that limits the memory of this process; raise UsageError where there is none: on Windows."""
+    try:
+        import resource
+    except ImportError:
+        raise UsageError("--memory must be left out: this system cannot limit the memory of a process.") from None
+    return resource
 
 
 @contextlib.contextmanager
@@ -68,10 +78,7 @@ def memory_limit(memory: int | None) -> Iterator[None]:
     if memory is None:
         yield
         return
-    try:
-        import resource
-    except ImportError:
-        raise UsageError("--memory must be left out: this system cannot limit the memory of a process.") from None
+    resource = memory_limiter()
     soft, hard = resource.getrlimit(resource.RLIMIT_AS)
     wanted = _mapped_bytes(resource.getpagesize()) + memory
     resource.setrlimit(resource.RLIMIT_AS, (wanted if hard == resource.RLIM_INFINITY else min(wanted, hard), hard))
@@ -84,6 +91,6 @@ def memory_limit(memory: int | None) -> Iterator[None]:
 def _mapped_bytes(page: int) -> int:
     """Return the bytes of address space that this process has mapped; 0 on systems without /proc."""
     try:
-        return int(Path("/proc/self/statm").read_text().split()[0]) * page
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * page
     except OSError:
         return 0

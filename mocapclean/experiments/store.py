@@ -37,7 +37,7 @@ class Store:
             if self.path.exists():
                 self._load()
             else:
-                self.path.write_text(_line([*KEY_COLUMNS, *self.measures, "series"]), encoding="utf-8")
+                self.path.write_text(_line([*KEY_COLUMNS, *self.measures, "series"]), encoding="utf-8", newline="\n")
         except OSError as error:
             raise UsageError(f"{self.path}: the results cannot be written: {error.strerror}.") from None
 
@@ -46,7 +46,7 @@ class Store:
         text = self.path.read_text(encoding="utf-8")
         complete = text[: text.rfind("\n") + 1]
         if complete != text:
-            self.path.write_text(complete, encoding="utf-8")
+            self.path.write_text(complete, encoding="utf-8", newline="\n")
         reader = csv.DictReader(io.StringIO(complete))
         if tuple(reader.fieldnames or ()) != (*KEY_COLUMNS, *self.measures, "series"):
             raise UsageError(f"{self.path}: the results are of another version. Use --overwrite to start anew.")
@@ -68,7 +68,7 @@ class Store:
         row = dict(zip(KEY_COLUMNS, trial.key, strict=True)) | {key: values.get(key, "") for key in self.measures}
         row["series"] = name
         try:
-            with self.path.open("a", encoding="utf-8") as file:
+            with self.path.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(_line(list(row.values())))
         except OSError as error:
             raise UsageError(f"{self.path}: the results cannot be written: {error.strerror}.") from None

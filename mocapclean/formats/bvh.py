@@ -9,6 +9,7 @@ Sites are not joints. BVH names no unit of length: ``ReadOptions.unit`` gives it
 
 import io
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -117,10 +118,10 @@ def create(take: Take, path: Path) -> None:
     columns = _columns(skeleton)
     root, order = _bvhio_tree(skeleton, columns)
     scale = _scale(skeleton, CENTIMETRE)
-    tree, time = _bvhio_header(root, take.rate, path)
+    tree, time = _bvhio_header(root, skeleton.names, take.rate, path)
     rows = io.StringIO()
     np.savetxt(rows, (poses / scale)[:, order], fmt=f"%.{CREATED_DECIMALS}f")
-    path.write_text(f"{tree}Frames: {len(poses)}\n{time}{rows.getvalue()}", newline="\n")
+    path.write_text(f"{tree}Frames: {len(poses)}\n{time}{rows.getvalue()}", encoding="utf-8", newline="\n")
     raw = load(path)
     created = _parse(path, raw, _motion(path, raw), CENTIMETRE)
     kept.prove_created(take, path, created.poses, created.skeleton)
@@ -130,7 +131,7 @@ def _bvhio_tree(skeleton: Skeleton, columns: list[list[int]]) -> tuple[Any, list
     """Return bvhio's root joint of a skeleton, and the channels in the order of its rows."""
     import bvhio  # takes long to import, and only new files need it
 
-    nodes = [bvhio.BvhJoint(name) for name in skeleton.names]
+    nodes = [bvhio.BvhJoint(f"joint{number}") for number in range(len(skeleton.names))]
     for joint, parent in enumerate(skeleton.parents):
         node = nodes[joint]
         node.Offset = type(node.Offset)(*(skeleton.before[joint] / CENTIMETRE))
@@ -142,16 +143,17 @@ def _bvhio_tree(skeleton: Skeleton, columns: list[list[int]]) -> tuple[Any, list
     return root, [column for node, _, _ in root.layout() for column in columns[nodes.index(node)]]
 
 
-def _bvhio_header(root: Any, rate: float, path: Path) -> tuple[str, str]:
+def _bvhio_header(root: Any, names: Sequence[str], rate: float, path: Path) -> tuple[str, str]:
     """Return the text of a file before ``Frames:`` and the line of the frame time, as bvhio writes them.
 
-    bvhio writes no motion here: it would pass the angles through quaternions and lose their spelling.
+    bvhio writes no motion here: it would pass the angles through quaternions and lose their spelling. It writes in the
+    encoding of the system, so that it gets numbered joints, which get their names here.
     """
     import bvhio
 
     bvhio.writeBvh(str(path), bvhio.BvhContainer(root, 0, 1 / rate), CREATED_DECIMALS)
-    tree, _, time = path.read_text().rpartition("Frames: 0\n")
-    return tree, time
+    tree, _, time = path.read_text(encoding="ascii").rpartition("Frames: 0\n")
+    return re.sub(r"(ROOT|JOINT) joint(\d+)", lambda found: f"{found[1]} {names[int(found[2])]}", tree), time
 
 
 def _unit(skeleton: Skeleton, offsets: Floats, unit: float | None) -> BodyScale:

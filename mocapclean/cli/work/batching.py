@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 from mocapclean import logs, progress
 from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
-from mocapclean.batch.limits import WorkerLimits, processors
+from mocapclean.batch.limits import WorkerLimits, memory_limiter, processors
 from mocapclean.batch.pool import Stop
 from mocapclean.cli.stages import drawn_bar
 from mocapclean.config.settings import Settings
@@ -48,6 +48,8 @@ def worker_limits(settings: Settings, *, alone: bool) -> WorkerLimits:
 
     alone: whether it has one take, which then uses all cores itself, in this process unless it has a limit.
     """
+    if settings.memory is not None and not settings.scheduler:
+        memory_limiter()
     cores = processors() if settings.workers == "auto" else settings.workers
     if alone and settings.timeout is None and settings.memory is None:
         return WorkerLimits(workers=0, cores=cores)

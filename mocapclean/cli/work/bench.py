@@ -211,7 +211,7 @@ def _json(name: str, chosen: Experiment, results: Results, notes: Sequence[str])
 
 def _write(path: Path, text: str) -> None:
     with new_file(path) as part:
-        part.write_text(text, encoding="utf-8")
+        part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _draw(chosen: Experiment, results: Results, folder: Path) -> None:

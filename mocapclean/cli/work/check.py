@@ -176,13 +176,13 @@ class _Reports:
                 part.write_bytes(junit(verdicts, settings.check.preset))
         if self.report:
             with new_file(self.report) as part:
-                part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8")
+                part.write_text(checked(verdicts, settings.as_json()), encoding="utf-8", newline="\n")
         if self.summary:
             with new_file(self.summary) as part:
-                part.write_text(self._markdown(verdicts, settings), encoding="utf-8")
+                part.write_text(self._markdown(verdicts, settings), encoding="utf-8", newline="\n")
         elif step := os.environ.get("GITHUB_STEP_SUMMARY"):
             try:
-                with Path(step).open("a", encoding="utf-8") as file:
+                with Path(step).open("a", encoding="utf-8", newline="\n") as file:
                     file.write(self._markdown(verdicts, settings))
             except OSError as fault:
                 raise UsageError(f"{step}: GITHUB_STEP_SUMMARY cannot be written: {fault.strerror or fault}.") from None

@@ -102,7 +102,7 @@ def _copy_library(folder: Path) -> None:
     make_folder(folder)
     for name, text in zip(_LIBRARY, _library(), strict=True):
         with new_file(folder / name) as part:
-            part.write_text(text, encoding="utf-8")
+            part.write_text(text, encoding="utf-8", newline="\n")
 
 
 def _library() -> Sequence[str]:

@@ -34,7 +34,7 @@ def take_data(row: Mapping[str, Any], view: View | None) -> str:
 def write_take(path: Path, row: Mapping[str, Any], view: View | None) -> None:
     """Write the data of a take as a script, because a page from a file may load scripts but may read no data."""
     with new_file(path) as part:
-        part.write_text(f'mocapcleanTakes["{path.stem}"]="{take_data(row, view)}";\n', encoding="ascii")
+        part.write_text(f'mocapcleanTakes["{path.stem}"]="{take_data(row, view)}";\n', encoding="ascii", newline="\n")
 
 
 def _view(packer: Packer, view: View, row: Mapping[str, Any]) -> dict[str, Any]:
