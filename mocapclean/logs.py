@@ -19,7 +19,7 @@ NAME = "mocapclean"
 INFO, DEBUG = 20, 10
 """The levels of the module ``logging`` for steps, and for their details."""
 
-_shown: "tuple[int, Handler] | None" = None
+_shown_level = 0
 _take: dict[str, str] = {}
 
 
@@ -59,31 +59,36 @@ def details_are_wanted() -> bool:
 
 
 def show(level: int) -> None:
-    """Write the lines of this process from a level on to standard error, until ``hide``."""
+    """Write the lines of this process from a level on to standard error, until it ends."""
     import logging
 
-    global _shown
-    hide()
+    global _shown_level
     logger = logging.getLogger(NAME)
-    handler = _handler()
-    logger.addHandler(handler)
+    logger.addHandler(_handler())
     logger.setLevel(level)
-    _shown = level, handler
+    _shown_level = level
 
 
-def hide() -> None:
-    """Write no lines to standard error any more."""
-    global _shown
-    logger = _logger()
-    if _shown is not None and logger is not None:
-        logger.removeHandler(_shown[1])
-        logger.setLevel(0)
-    _shown = None
+@contextmanager
+def shown(level: int) -> Iterator[None]:
+    """Write the lines inside the block from a level on to standard error."""
+    import logging
+
+    global _shown_level
+    logger = logging.getLogger(NAME)
+    before, handlers = logger.level, logger.handlers[:]
+    show(level)
+    try:
+        yield
+    finally:
+        logger.handlers[:] = handlers
+        logger.setLevel(before)
+        _shown_level = 0
 
 
 def shown_level() -> int:
     """Return the level that ``show`` was given, for a further process; 0 where nothing is shown."""
-    return _shown[0] if _shown else 0
+    return _shown_level
 
 
 def _logger() -> "Logger | None":

@@ -5,10 +5,12 @@ reading a small take. A class that keeps its defaults needs no check.
 """
 
 import copy
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform, get_origin
+
+from mocapclean.registry import Modules
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -58,7 +60,7 @@ class Field:
 class NameIn:
     """A name in a registry, or one of some further words; part of the annotation of a text."""
 
-    def __init__(self, names: Collection[str], *words: str) -> None:
+    def __init__(self, names: Modules[Any], *words: str) -> None:
         self.names, self.words = names, words
 
     def __contains__(self, value: object) -> bool:
@@ -76,7 +78,7 @@ class NameIn:
 
     def _known(self, value: str) -> str:
         if value not in self:
-            *most, last = map(repr, (*self.names, *self.words))
+            *most, last = map(repr, (*self.names, *self.names.installed(), *self.words))
             raise ValueError(f"{', '.join(most)} or {last}")
         return value
 

@@ -180,6 +180,10 @@ BAD_SOLVE = {
         "return Solution(positions=take.positions[:1], filled=fillable)",
         "failed: ValueError: positions must have",
     ),
+    "moves": (
+        "return Solution(positions=take.positions + 1, filled=fillable, moved=take.trusted)",
+        "failed: ValueError: moved must be None unless the parameter denoise asks for it",
+    ),
     "forgets": ("return None", "failed: AttributeError"),
 }
 

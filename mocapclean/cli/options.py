@@ -1,8 +1,9 @@
 """Options that several commands share, and their places in the help; declarations, which load nothing but click."""
 
 from collections.abc import Callable, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
@@ -96,23 +97,28 @@ def seed(text: str = "files") -> Callable[[Decorated], Decorated]:
 
 
 
-def _show_log(ctx: click.Context, param: click.Parameter, count: int) -> bool | None:
-    """Show the log while the command runs: steps for one ``-v``, their details too for more; return None for none."""
-    if not count:
-        return None
-    from mocapclean import logs  # not needed for help
-
-    logs.show(logs.INFO if count == 1 else logs.DEBUG)
-    ctx.call_on_close(logs.hide)
-    return True
-
-
 def verbose(prints: str = "") -> Callable[[Decorated], Decorated]:
-    """Return a decorator that adds ``-v``, which logs to standard error and, where it says so, also prints more."""
-    text = f"{prints} Log each step to standard error; -vv: in detail.".strip()
-    return click.option(
-        "-v", "--verbose", count=True, expose_value=bool(prints), callback=_show_log, is_eager=True, help=text
-    )
+    """Return a decorator that adds ``-v``, which logs to standard error: steps, or for ``-vv`` their details too.
+
+    prints: what the command also prints then; it is given ``verbose``, True or None, where this is not empty.
+    """
+
+    def decorate(command: Decorated) -> Decorated:
+        @wraps(command)
+        def run(*arguments: Any, verbose: int, **options: Any) -> Any:
+            if prints:
+                options["verbose"] = True if verbose else None
+            if not verbose:
+                return command(*arguments, **options)
+            from mocapclean import logs  # not needed without the option
+
+            with logs.shown(logs.INFO if verbose == 1 else logs.DEBUG):
+                return command(*arguments, **options)
+
+        text = f"{prints} Log each step to standard error; -vv: in detail.".strip()
+        return click.option("-v", "--verbose", count=True, help=text)(cast(Decorated, run))
+
+    return decorate
 
 
 _READING = (

@@ -141,11 +141,16 @@ def _solve(
     if traits.needs_bones:
         inputs.append(_bones(take, traits))
     with SOLVERS.blamed(name):
-        return _sound(module.solve(take, params, gaps, *inputs), take)
+        return _sound(module.solve(take, params, gaps, *inputs), take, params)
 
 
-def _sound(solution: Solution, take: Take) -> Solution:
-    """Return a solution; raise ValueError unless its arrays have the shapes of the take."""
+def _sound(solution: Solution, take: Take, params: Any) -> Solution:
+    """Return a solution; raise ValueError unless its arrays have the shapes of the take and no trusted sample is moved.
+
+    Only with its parameter ``denoise`` may a method move trusted samples, because the user asks for it then.
+    """
+    if solution.moved is not None and not getattr(params, "denoise", False):
+        raise ValueError("moved must be None unless the parameter denoise asks for it")
     shape = take.trusted.shape
     for name, expected in (("positions", (*shape, 3)), ("filled", shape), ("sd", shape), ("moved", shape)):
         values = getattr(solution, name)
