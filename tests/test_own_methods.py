@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from small_takes import store
 
 import mocapclean
 from mocapclean.cli import cli
@@ -110,7 +111,8 @@ def test_the_example_is_compared_with_others(installed, tmp_path):
     assert re.search(r"travel +\d", done.stdout)
 
 
-def test_worker_processes_find_the_example(installed, folder, tmp_path):
+def test_worker_processes_find_the_example(installed, tmp_path):
+    folder = store(tmp_path / "takes", "one.c3d", "two.c3d")
     paths = os.pathsep.join([str(installed), *sys.path])
     command = [
         sys.executable,
@@ -118,8 +120,6 @@ def test_worker_processes_find_the_example(installed, folder, tmp_path):
         "mocapclean",
         "fill",
         folder,
-        "--include-files",
-        "*.c3d",
         "--out-dir",
         tmp_path / "out",
     ]
@@ -195,13 +195,19 @@ def test_a_method_that_fails_is_named_with_its_package(site, tmp_path, name):
     start = text.index("    origin = ")
     files = {f"{name}_module.py": text[:start] + f"    {body}\n"}
     install(site, "bad-methods", "0.3", files, {"mocapclean.methods": {name: f"{name}_module"}})
-    done = run("fill", SAMPLES / "walk.c3d", "-o", tmp_path / "o.c3d", "--method", name, "-q")
+    take = store(tmp_path / "takes", "one.c3d") / "one.c3d"
+    done = run("fill", take, "-o", tmp_path / "o.c3d", "--method", name, "-q", "--no-detect")
     assert done.exit_code == 1
     assert f"{name} of bad-methods 0.3 {message}" in done.stderr
     assert not (tmp_path / "o.c3d").exists()
-    checked = run("methods", "--check", name)
+
+
+def test_the_check_of_a_method_that_breaks_laws_exits_with_1(site):
+    text = example()["my_travel.py"].replace("positions=linear", "reason='', positions=linear")
+    install(site, "bad-methods", "0.3", {"quiet_module.py": text}, {"mocapclean.methods": {"quiet": "quiet_module"}})
+    checked = run("methods", "--check", "quiet")
     assert checked.exit_code == 1
-    assert "BROKEN" in checked.stdout
+    assert re.search(r"BROKEN +shapes .*\n +reason must tell how the method ended", checked.stdout)
 
 
 def test_two_packages_with_one_name_are_refused_and_own_names_stay(site):
