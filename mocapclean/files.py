@@ -26,9 +26,10 @@ _RESERVED = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³]|conin\$|
 def check_output(path: Path, source: Path | None, overwrite: bool) -> None:
     """Raise UsageError when writing ``path`` would touch the input, a folder, or a file without ``overwrite``.
 
-    On Windows also for the name of a device, which keeps nothing, and for a colon, which hides the file in another one.
+    On Windows also for the name of a device, which keeps nothing, for a colon, which hides the file in another one, and
+    for a dot or a space at the end, which is dropped.
     """
-    if _on_windows and (_RESERVED.fullmatch(path.name) or ":" in path.name):
+    if _on_windows and (_RESERVED.fullmatch(path.name) or ":" in path.name or path.name.endswith((".", " "))):
         raise UsageError(f"{path}: Windows keeps no file of this name. Choose another name.")
     if source is not None and os.path.exists(path) and os.path.exists(source) and path.samefile(source):
         raise UsageError(f"{path}: the output must not be the input. Choose another name or --out-dir.")

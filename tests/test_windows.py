@@ -107,7 +107,9 @@ def test_a_limit_of_memory_is_refused_in_one_line(takes, tmp_path):
     assert "this system cannot limit the memory of a process" in done.stderr
 
 
-@pytest.mark.parametrize("name", ["nul.c3d", "CON", "com1.tar.gz", "Lpt¹.c3d", "aux .c3d", "take.c3d:hidden"])
+@pytest.mark.parametrize(
+    "name", ["nul.c3d", "CON", "com1.tar.gz", "Lpt¹.c3d", "aux .c3d", "take.c3d:hidden", "take.c3d.", "take "]
+)
 def test_a_name_that_windows_keeps_no_file_of_is_refused_there(tmp_path, monkeypatch, name):
     files.check_output(tmp_path / name, None, overwrite=False)
     monkeypatch.setattr(files, "_on_windows", True)

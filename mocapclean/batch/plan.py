@@ -106,7 +106,7 @@ def _check_targets_differ(jobs: Iterable[RepairJob], settings: Settings) -> None
         if target.parent not in real_folders:
             real_folders[target.parent] = os.path.realpath(target.parent)
         folder = real_folders[target.parent]
-        if top and os.path.commonpath([os.path.realpath(top), folder]) != os.path.realpath(top):
+        if top and not Path(folder).is_relative_to(os.path.realpath(top)):
             raise UsageError(f"{target}: the output must stay in {top}. A link leads to {folder}.")
         real_path = os.path.normcase(os.path.join(folder, target.name))
         if real_path in seen:

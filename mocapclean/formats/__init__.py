@@ -154,6 +154,10 @@ def write(take: Take, path: Path | str, *, invalidate: bool = False, overwrite: 
     UsageError when ``path`` is the take's own file, when it exists and ``overwrite`` is false, and when the format
     cannot express the take; FormatError when the file cannot be written.
     """
+    if not isinstance(take, Take):
+        raise UsageError(
+            f"write takes a Take, such as the attribute take of what fill returns. Got {type(take).__name__}."
+        )
     path = Path(path)
     name = format_of(path)
     check_output(path, take.origin.path if take.origin else None, overwrite)

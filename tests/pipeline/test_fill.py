@@ -78,6 +78,13 @@ def test_nothing_is_detected_and_a_gap_of_the_file_is_missing():
     assert result.self_check is None
 
 
+def test_write_takes_the_take_of_the_result(source, tmp_path):
+    result = mocapclean.fill(mocapclean.read(source), "linear", self_check=False)
+    with pytest.raises(UsageError, match=r"the attribute take of what fill returns\. Got FillResult"):
+        mocapclean.write(result, tmp_path / "out.c3d")
+    assert mocapclean.write(result.take, tmp_path / "out.c3d").filled.any()
+
+
 def test_samples_that_the_caller_distrusts_are_missing_and_those_of_a_rule_are_replaced():
     take = mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120)
     spiked = take.positions.copy()
