@@ -6,7 +6,18 @@ import click
 
 from mocapclean.cli import completing
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import DICTIONARY, FILE, RATE, SKELETON, TAKES, UNIT, Command, examples, overwriting, verbose
+from mocapclean.cli.options import (
+    DICTIONARY,
+    FILE,
+    RATE,
+    SKELETON,
+    TAKES,
+    UNIT,
+    Command,
+    examples,
+    overwriting,
+    verbose,
+)
 from mocapclean.experiments.protocols import EXPERIMENTS
 
 

@@ -5,7 +5,19 @@ from typing import Any
 import click
 
 from mocapclean.cli.guard import guarded
-from mocapclean.cli.options import AS_JSON, FILE, HTML, OVERWRITE, QUIET, TAKES, Command, examples, reading, working, verbose
+from mocapclean.cli.options import (
+    AS_JSON,
+    FILE,
+    HTML,
+    OVERWRITE,
+    QUIET,
+    TAKES,
+    Command,
+    examples,
+    reading,
+    verbose,
+    working,
+)
 from mocapclean.cli.stages import stages_shown
 from mocapclean.config.presets import PRESETS
 
@@ -36,7 +48,7 @@ from mocapclean.config.presets import PRESETS
 @OVERWRITE
 @AS_JSON
 @QUIET
-@verbose("Print details: every exceeded limit, and what to do.")
+@verbose("every exceeded limit, and what to do")
 @working
 @reading
 @guarded

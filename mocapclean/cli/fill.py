@@ -73,7 +73,7 @@ from mocapclean.cli.stages import stages_shown
 @click.option("--sidecar", type=FILE, help="Also write arrays (.npz): a file for one input, or a folder.")
 @click.option("--no-report", is_flag=True, help="Write no report.")
 @QUIET
-@verbose("Print details: every gap and finding.")
+@verbose("every gap and finding")
 @click.option("--resume", is_flag=True, help="Skip takes that an earlier run into --out-dir finished, if unchanged.")
 @AS_JSON
 @batching

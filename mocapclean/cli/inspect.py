@@ -16,7 +16,7 @@ from mocapclean.cli.stages import stages_shown
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
 @AS_JSON
-@verbose("Print details: every gap and finding.")
+@verbose("every gap and finding")
 @reading
 @guarded
 def command(**options: Any) -> int:

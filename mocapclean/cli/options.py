@@ -96,7 +96,6 @@ def seed(text: str = "files") -> Callable[[Decorated], Decorated]:
     )
 
 
-
 def verbose(prints: str = "") -> Callable[[Decorated], Decorated]:
     """Return a decorator that adds ``-v``, which logs to standard error: steps, or for ``-vv`` their details too.
 
@@ -115,7 +114,7 @@ def verbose(prints: str = "") -> Callable[[Decorated], Decorated]:
             with logs.shown(logs.INFO if verbose == 1 else logs.DEBUG):
                 return command(*arguments, **options)
 
-        text = f"{prints} Log each step to standard error; -vv: in detail.".strip()
+        text = "Log each step to standard error; -vv: in detail." + (f" Also print {prints}." if prints else "")
         return click.option("-v", "--verbose", count=True, help=text)(cast(Decorated, run))
 
     return decorate
