@@ -28,6 +28,12 @@ class PackageError(MocapcleanError):
     """A method or a rule of another package cannot be used."""
 
 
+class UnknownNameError(PackageError, KeyError):
+    """A name is none of a registry, and no installed package adds it."""
+
+    __str__ = Exception.__str__  # that of KeyError puts the message in quotation marks
+
+
 class WorkerError(MocapcleanError):
     """The process of a take was lost: it crashed, or exceeded a limit of time or memory."""
 

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mocapclean.errors import MocapcleanError, PackageError
+from mocapclean.errors import MocapcleanError, PackageError, UnknownNameError
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -34,7 +34,8 @@ class Modules(MutableMapping[str, M]):
     def __getitem__(self, name: str) -> M:
         """Return a module, imported if need be.
 
-        Raises KeyError for an unknown name, PackageError for a module of another package that cannot be used.
+        Raises UnknownNameError, a KeyError, for an unknown name, and PackageError for a module of another package that
+        cannot be used.
         """
         if name not in self._modules:
             return self._from_elsewhere(name)
@@ -95,7 +96,7 @@ class Modules(MutableMapping[str, M]):
         if name not in self._foreign:
             points = [point for point in self._points() if point.name == name]
             if not points:
-                raise KeyError(name)
+                raise UnknownNameError(f"{self._group or self._package}: no installed package has {name!r}.")
             self._foreign[name] = self._loaded(points)
         module: M = self._foreign[name]
         return module

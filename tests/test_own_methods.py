@@ -219,6 +219,14 @@ def test_two_packages_with_one_name_are_refused_and_own_names_stay(site):
     assert "linear" not in SOLVERS.installed()
 
 
+def test_a_name_that_no_package_has_is_a_key_error_in_one_sentence():
+    assert "travel" not in SOLVERS
+    with pytest.raises(KeyError) as unknown:
+        SOLVERS["travel"]
+    assert str(unknown.value) == "mocapclean.methods: no installed package has 'travel'."
+    assert SOLVERS.get("travel") is None
+
+
 def test_a_rule_that_fails_is_named(site):
     files = {"bad_rule.py": example()["my_floor.py"].replace("    take = evidence.take\n", "    raise KeyError('x')\n")}
     install(site, "bad-rules", "2", files, {"mocapclean.rules": {"bad": "bad_rule"}})
