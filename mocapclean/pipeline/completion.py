@@ -84,7 +84,8 @@ def complete(
         sd = self_check.widened(sd, selected.trusted, checked)
     _set_final_status(selected, codes, solution, sd, settings, largest)
     merged = merge(selected, solution, supplied(codes))
-    logs.event("accepted", filled=int(supplied(codes).sum()), left=int((~selected.trusted & ~supplied(codes)).sum()))
+    left = ~selected.trusted & counted(codes) & ~supplied(codes)
+    logs.event("accepted", filled=int(supplied(codes).sum()), left=int(left.sum()))
     around = contacts(selected, merged.filled) if selected.poses is not None else ()
     return Completion(
         take=kept(selected, merged, around) if settings.keep_contacts else merged,
