@@ -27,7 +27,7 @@ from mocapclean.solvers import SOLVERS
 from mocapclean.take.status import MEANINGS, Status
 
 ROOT = Path(__file__).resolve().parents[1]
-DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCUMENTS = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 
 
 def blocks(path, language):
@@ -42,8 +42,11 @@ def test_python_in_the_readme_runs(tmp_path, monkeypatch):
     assert (tmp_path / "walk_clean.c3d").exists()
 
 
-def test_commands_in_the_readme_are_understood():
-    lines = [line for block in blocks(ROOT / "README.md", "sh") for line in block.splitlines()]
+@pytest.mark.parametrize(
+    "name", ["README.md", *sorted(f"docs/howto/{p.name}" for p in (ROOT / "docs/howto").glob("*.md"))]
+)
+def test_commands_that_can_be_copied_are_understood(name):
+    lines = [line for block in blocks(ROOT / name, "sh") for line in block.splitlines()]
     commands = [shlex.split(line, comments=True)[1:] for line in lines if line.startswith("mocapclean ")]
     assert commands
     for name, *arguments in commands:
@@ -186,9 +189,10 @@ def test_git_ignores_what_the_set_up_writes(tmp_path):
 
 
 @pytest.mark.parametrize("name", SOLVERS)
-def test_every_method_is_in_the_tables_and_has_its_entry(name):
-    assert f"| `{name}`" in (ROOT / "README.md").read_text(encoding="utf-8")
-    entry = (ROOT / "docs" / "methods.md").read_text(encoding="utf-8").split(f"## `{name}`", 1)[1].split("\n## ")[0]
+def test_every_method_is_in_the_table_and_has_its_entry(name):
+    text = (ROOT / "docs" / "methods.md").read_text(encoding="utf-8")
+    assert f"\n| `{name}`" in text
+    entry = text.split(f"## `{name}`", 1)[1].split("\n## ")[0]
     for part in ("Model", "When", "Fails", "Cost"):
         assert f"**{part}" in entry
 

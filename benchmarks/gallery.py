@@ -1,6 +1,6 @@
-"""Make the pictures of the documents from the sample take and simulated ones: python benchmarks/screenshots.py
+"""Make the pictures of the documents from the sample takes and simulated ones: python benchmarks/gallery.py
 
-It needs the extras html and test, and Chromium. Each is a PNG of 128 colours in docs/images, so that it stays small.
+It needs the extras html, plots and test, and Chromium. Each is a PNG of 128 colours in docs/images, to stay small.
 """
 
 import os
@@ -21,9 +21,31 @@ COLOURS = 128
 SESSION = ((0.02, ""), (0.05, "spike"), (0.3, ""), (0.05, "swap,jump"))
 """Share of missing samples and kinds of faults of the takes in the overview."""
 MOST_BYTES = 150_000
+PLOTS = {
+    "gaps": "plot walk.c3d -o gaps.png",
+    "strn": "plot walk.c3d --marker STRN -o strn.png",
+    "bones": "plot walk.c3d --bones -o bones.png",
+    "head": "plot walk.bvh --marker Head -o head.png",
+}
+"""The pictures that a command draws, run in the folder of the sample takes."""
+SCREENSHOTS = ("take", "curves", "overview", "dark")
+"""The pictures of the page in a browser."""
 
 
 def main() -> None:
+    plots()
+    screenshots()
+
+
+def plots() -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        shutil.copytree(ROOT / "sample_data", folder, dirs_exist_ok=True)
+        for name, command in PLOTS.items():
+            subprocess.run([sys.executable, "-m", "mocapclean", *command.split()], check=True, cwd=folder)
+            store((Path(folder) / f"{name}.png").read_bytes(), name)
+
+
+def screenshots() -> None:
     program = shutil.which("chromium") or shutil.which("google-chrome")
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as play:
         walk, takes = pages(Path(folder))
