@@ -21,6 +21,7 @@ from mocapclean import errors
 from mocapclean.cli import cli
 from mocapclean.config.sections import Sections
 from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
+from mocapclean.config.template import schema
 from mocapclean.detection import RULES
 from mocapclean.experiments.protocols import EXPERIMENTS
 from mocapclean.formats.declarations import DECLARATIONS
@@ -313,10 +314,9 @@ def shorten(app: Sphinx, kind: str, name: str, value: Any, options: Any, *signat
 
 
 def write_schema(app: Sphinx, exception: Exception | None) -> None:
-    """Write the JSON Schema of a configuration beside the pages."""
+    """Write the JSON Schema of a configuration beside the pages, as ``mocapclean config --schema`` does."""
     if exception is None:
-        schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **checker(Settings).json_schema()}
-        Path(app.outdir, CONFIGURATION_SCHEMA).write_text(json.dumps(schema, indent=1), encoding="utf-8")
+        Path(app.outdir, CONFIGURATION_SCHEMA).write_text(json.dumps(schema(), indent=1), encoding="utf-8")
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
