@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from conftest import capture_files
 from posed_takes import turned
+from table_texts import TEXTS
 from toy_format import ToyFormat
 
 import mocapclean
@@ -24,18 +25,33 @@ EVERY_CAPTURE = [path for kind in FORMATS for path in capture_files(kind)]
 
 
 TOY = Path("toy")
-MAIN = [*EVERY_SAMPLE, TOY]
+TABLES = [Path(f"walk.{name}") for name in ("trc", "qualisys", "csv", "motive", "nexus")]
+TEXT_NAMES = [Path(name) for name in TEXTS]
+MAIN = [*EVERY_SAMPLE, TOY, *TABLES, *TEXT_NAMES]
 
 
 @pytest.fixture
 def path(request, tmp_path_factory, monkeypatch):
-    """A file to hold the laws against; that of the toy format is created by the public function."""
+    """A file to hold the laws against; those of the toy format and of tables are created by the public function."""
+    if request.param in TEXT_NAMES:
+        made = tmp_path_factory.mktemp("text") / request.param
+        made.write_bytes(TEXTS[request.param.name])
+        return made
+    if request.param in TABLES:
+        return new_table(request.param.suffix[1:], tmp_path_factory.mktemp("table"))
     if request.param is not TOY:
         return request.param
     monkeypatch.setitem(DECLARATIONS, "toy", ToyFormat.DECLARATION)
     monkeypatch.setitem(FORMATS, "toy", ToyFormat())
     created = tmp_path_factory.mktemp("toy") / "walk.toy"
     mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), created)
+    return created
+
+
+def new_table(name, folder):
+    """A table of a part of the walk in a format, with gaps."""
+    created = folder / f"walk{DECLARATIONS[name].suffixes[0]}"
+    mocapclean.write(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 120), created, format=name)
     return created
 
 
@@ -127,6 +143,7 @@ def test_a_declaration_is_true(path):
     take = mocapclean.read(path)
     assert path.suffix in facts.suffixes
     assert formats.suffixes().count(path.suffix) == 1
+    assert formats.format_of(path) == take.origin.format
     assert (facts.columns == "joints") == (take.skeleton is not None and take.markers == take.skeleton.names)
     assert (facts.stores == "poses") == (take.poses is not None)
     assert formats.needs_skeleton(path) == (formats.companion(path) is not None)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from mocapclean.errors import UsageError
-from mocapclean.formats import suffixes
+from mocapclean.formats import is_take, suffixes
 
 SUFFIXES = suffixes()
 
@@ -22,12 +22,16 @@ class Input:
     relative: Path
 
 
-def find(paths: Iterable[Path], root: Path | None = None, skip: Path | None = None) -> Iterator[Input]:
+def find(
+    paths: Iterable[Path], root: Path | None = None, skip: Path | None = None, left_out: list[Path] | None = None
+) -> Iterator[Input]:
     """Yield the files among ``paths`` and the captures in the folders among them, folder by folder, sorted by name.
 
     The relative path of a file is its name; that of a capture in a folder is its path below that folder. With ``root``
     both are the path below ``root``. Links to folders are followed, and no folder is entered twice. Hidden files and
-    folders and the folder ``skip`` are left out. Raises UsageError for an unreadable folder or a path outside ``root``.
+    folders and the folder ``skip`` are left out. So are files in folders whose suffix several formats have and whose
+    content is of none; these are added to ``left_out``. Raises UsageError for an unreadable folder or a path outside
+    ``root``.
     """
     entered = {_identity(skip)} if skip and os.path.isdir(skip) else set()
     for path in paths:
@@ -36,6 +40,10 @@ def find(paths: Iterable[Path], root: Path | None = None, skip: Path | None = No
             continue
         start = _below(path, root) if root else Path()
         for relative in _walk(path, entered):
+            if not is_take(path / relative):
+                if left_out is not None:
+                    left_out.append(path / relative)
+                continue
             yield Input(path=path / relative, relative=start / relative)
 
 

@@ -14,6 +14,7 @@ class Commands(click.Group):
         "check": "Check takes against limits, for people and for CI.",
         "report": "Write the page of a report, with pictures, for any browser.",
         "plot": "Draw gaps, curves or bones of takes as PNG, SVG or PDF.",
+        "convert": "Write takes as files of another format.",
         "methods": "List the methods with their sources and parameters.",
         "train": "Learn a dictionary for llc and srmmp from clean takes.",
         "simulate": "Write simulated takes with gaps, faults and the truth.",

@@ -69,7 +69,7 @@ from mocapclean.experiments.protocols import EXPERIMENTS
 @verbose()
 @guarded
 def command(**options: Any) -> int:
-    """Run an EXPERIMENT on takes (.c3d, .bvh, .amc), whose trusted samples are the truth.
+    """Run an EXPERIMENT on takes (.c3d, .bvh, .amc, .trc, .csv, .tsv), whose trusted samples are the truth.
 
     Writes EXPERIMENT.csv with one row per finished trial, .json, .txt and figures. Ctrl-C keeps the finished rows. The
     same command then continues; with --overwrite it begins anew.

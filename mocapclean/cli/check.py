@@ -53,7 +53,7 @@ from mocapclean.config.presets import PRESETS
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Check takes (.c3d, .bvh, .amc) against limits: of a preset, and under check: in the configuration.
+    """Check takes (.c3d, .bvh, .amc, .trc, .csv, .tsv) against limits: of a preset, and of the section check.
 
     A folder stands for all takes in it and below it. Exits 0 when all takes pass, 1 when some fail, 2 when the command
     or the configuration is wrong.

@@ -65,7 +65,7 @@ from mocapclean.cli.stages import stages_shown
 @click.option("--fix-swaps/--no-fix-swaps", default=None, help="Exchange swapped labels; coordinates stay as they are.")
 @click.option("--max-left", help="Exit 1 if more samples stay unfilled: a number, or a percentage such as 2%.")
 @click.option(
-    "--invalidate/--no-invalidate", default=None, help="Mark distrusted, unfilled samples as missing (C3D only)."
+    "--invalidate/--no-invalidate", default=None, help="Mark distrusted, unfilled samples as missing (markers only)."
 )
 @click.option("--reference", type=FILE, help="The true take; adds the RMSE of the filled samples to the report.")
 @click.option("--report", type=FILE, help="One JSON report for all takes (default: one beside each output).")
@@ -80,7 +80,7 @@ from mocapclean.cli.stages import stages_shown
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Fill the samples of takes (.c3d, .bvh, .amc) that cannot be trusted, and change nothing else.
+    """Fill the samples of takes (.c3d, .bvh, .amc, .trc, .csv, .tsv) that cannot be trusted, and change nothing else.
 
     Writes take_filled.c3d and take_filled.c3d.report.json beside take.c3d, or into --out-dir. A folder
     stands for all takes in it and below it; --out-dir then has the same tree.

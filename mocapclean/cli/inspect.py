@@ -20,7 +20,7 @@ from mocapclean.cli.stages import stages_shown
 @reading
 @guarded
 def command(**options: Any) -> int:
-    """Show markers, frames, rate, gaps and findings of takes (.c3d, .bvh, .amc). Writes nothing.
+    """Show markers, frames, rate, gaps and findings of takes (.c3d, .bvh, .amc, .trc, .csv, .tsv). Writes nothing.
 
     A folder stands for all takes in it and below it.
     """

@@ -18,7 +18,7 @@ TAKES = "FILES_OR_FOLDERS..."
 PURPOSES = {
     "Takes": (
         *("files-from", "null", "include-files", "exclude-files", "relative-to", "folder", "mask-from", "learn-from"),
-        *("skeleton", "rate", "unit", "reference"),
+        *("skeleton", "rate", "unit", "format", "reference"),
     ),
     "Samples": ("markers", "exclude", "frames", "most-frames", "events", "gaps", "detect", "replace", "only-missing"),
     "Output": (
@@ -80,6 +80,14 @@ SKELETON = click.option(
 )
 RATE = click.option("--rate", type=float, help="Frames per second, for files without a rate (AMC: 120).")
 UNIT = click.option("--unit", help="Unit of length, in place of the file's own: mm, cm, m, in, ft, or mm per unit.")
+FORMAT = click.option("--format", metavar="NAME", help="Format of the takes, where name and content do not tell it.")
+MARKERS = click.option(
+    "--markers",
+    multiple=True,
+    metavar="NAME",
+    shell_complete=completing.markers,
+    help="Repair, or convert, only these markers; wildcards allowed.",
+)
 EXCLUDE = click.option(
     "--exclude",
     multiple=True,
@@ -121,15 +129,9 @@ def verbose(prints: str = "") -> Callable[[Decorated], Decorated]:
 
 
 _READING = (
-    *(SKELETON, RATE, UNIT),
+    *(SKELETON, RATE, UNIT, FORMAT),
     click.option("--gaps", type=FILE, help="CSV of spans to distrust: marker,first,last (the file's frame numbers)."),
-    click.option(
-        "--markers",
-        multiple=True,
-        metavar="NAME",
-        shell_complete=completing.markers,
-        help="Repair only these markers; wildcards allowed.",
-    ),
+    MARKERS,
     EXCLUDE,
     click.option(
         "--frames", metavar="FIRST:LAST", help="Judge and repair only these frames of the file; also 100: and :400."
@@ -138,7 +140,7 @@ _READING = (
         "--events",
         metavar="START:END",
         shell_complete=completing.events,
-        help="Only the frames from the first event START to the next END, such as 'Left Foot Strike' (C3D).",
+        help="Only the frames from the first event START to the next END, such as 'Left Foot Strike'.",
     ),
     click.option("--detect/--no-detect", default=None, help="Look for untrustworthy samples (default: yes)."),
     click.option("--config", type=FILE, help="YAML file with options of this command and parameters of methods."),

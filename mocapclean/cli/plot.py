@@ -33,7 +33,8 @@ from mocapclean.cli.stages import stages_shown
 @verbose()
 @guarded
 def command(**options: Any) -> int:
-    """Draw the map of the samples of takes (.c3d, .bvh, .amc): what is missing, distrusted and suspicious, and when.
+    """Draw the map of the samples of takes (.c3d, .bvh, .amc, .trc, .csv, .tsv): what is missing, distrusted and
+    suspicious, and when.
 
     Several takes share one sheet. With --marker or --bones one take is filled as 'mocapclean fill' would, in a
     temporary folder, and its curves are drawn before and after.

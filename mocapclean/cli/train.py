@@ -50,7 +50,7 @@ def _training(command: Any) -> Any:
 @verbose()
 @guarded
 def command(**options: Any) -> int:
-    """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc).
+    """Learn a dictionary for llc and srmmp from clean takes (.c3d, .bvh, .amc, .trc, .csv, .tsv).
 
     A folder stands for all takes in it and below it. All takes must show the same body, with the same markers and rate.
     Only trusted samples are used.

@@ -11,6 +11,7 @@ from mocapclean.config.ranges import EventNames, FrameNumbers
 from mocapclean.config.sections import Sections
 from mocapclean.detection import RULES
 from mocapclean.evaluation.self_check import Params as HidingParams
+from mocapclean.formats.declarations import DECLARATIONS
 from mocapclean.json_values import plain
 from mocapclean.parameters import AtLeastOne, Field, NameIn, NotNegative, Positive, but, parameters
 from mocapclean.solvers import AUTO_CANDIDATES, SOLVERS
@@ -162,6 +163,8 @@ class Settings:
     """File of 'mocapclean train', for llc and srmmp."""
     rate: Positive | None = None
     """Frames per second, for files without a rate."""
+    format: Literal[tuple(DECLARATIONS)] | None = None  # type: ignore[valid-type]
+    """Format of the takes, where their names and their content do not tell it."""
     unit: Literal["mm", "cm", "m", "in", "ft"] | Positive | None = None
     """Unit of length, in place of the file's own: mm, cm, m, in, ft, or millimetres per unit."""
     gaps: Path | None = None
@@ -169,7 +172,7 @@ class Settings:
     frames: Annotated[str, FrameNumbers()] | None = None
     """Only these frames are judged and repaired, by their numbers in the file: first:last, first: or :last."""
     events: Annotated[str, EventNames()] | None = None
-    """Only the frames from the first event of a name to the next one of another name: start:end (C3D)."""
+    """Only the frames from the first event of a name to the next one of another name: start:end."""
     max_gap: AtLeastOne | None = None
     """Gaps of more frames stay unfilled."""
     replace: Literal["sure", "suspicious", "missing"] = "sure"
@@ -193,7 +196,7 @@ class Settings:
     exclude: tuple[str, ...] = ()
     """Markers to ignore: neither repaired nor used."""
     invalidate: bool = False
-    """Mark distrusted samples that stay unfilled as missing (C3D)."""
+    """Mark distrusted samples that stay unfilled as missing (markers)."""
     learn_from: tuple[Path, ...] = ()
     """Other takes of the same subject to learn from: files or folders (kriging, pca, pma)."""
     reference: Path | None = None

@@ -50,6 +50,11 @@ class PoseDocument:
     starts: NDArray[np.int64]
     places: NDArray[np.int64]
 
+    @property
+    def others(self) -> tuple[str, ...]:
+        """What the file has beside its poses, in words: nothing."""
+        return ()
+
     def block(self, frame: int) -> bytes:
         """Return the bytes of one frame."""
         return self.raw[self.starts[frame] : self.starts[frame + 1]]

@@ -86,7 +86,7 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     Raises FormatError for a file that cannot be read, UsageError for markers or spans that it does not have.
     """
     progress.stage("reading")
-    whole = _read(source, settings)
+    whole = read_take(source, settings)
     frames = chosen_frames(whole, settings)
     excluded = np.zeros(len(whole.markers), dtype=bool)
     for pattern in settings.exclude:
@@ -136,16 +136,16 @@ def _without(found: Take, before: Take, excluded: Bools) -> Take:
     return found.with_known(np.where(excluded[found.owners], before.known, found.known), findings=findings)
 
 
-def _read(source: Path, settings: Settings) -> Take:
+def read_take(source: Path, settings: Settings) -> Take:
     """Return the take with the skeleton and the extra points that the settings name."""
-    own_skeleton = formats.needs_skeleton(source)
-    options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm}
+    own_skeleton = formats.needs_skeleton(source, settings.format)
+    options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm, "format": settings.format}
     if own_skeleton:
         options["skeleton"] = settings.skeleton
     take = formats.read(source, **options)
     exact = [name for name in settings.markers if not is_pattern(name)]
     others = [name for name in exact if not matching_columns(name, take.markers)]
-    if others and formats.lists_points(source):
+    if others and formats.lists_points(source, settings.format):
         take = formats.read(source, points=others, **options)
     if settings.skeleton and not own_skeleton:
         skeleton = formats.read_skeleton(settings.skeleton, settings.unit_mm)

@@ -54,12 +54,13 @@ def _read(path: Path, config: Mapping[str, Any], beside: Path | None = None) -> 
     beside: the file by which a skeleton in a file of its own lies, where that is not ``path``.
     """
     unit: Any = config.get("unit")
-    options: dict[str, Any] = {"rate": config.get("rate"), "unit": MILLIMETRES.get(unit, unit)}
-    if formats.needs_skeleton(path):
+    given = config.get("format")
+    options: dict[str, Any] = {"rate": config.get("rate"), "unit": MILLIMETRES.get(unit, unit), "format": given}
+    if formats.needs_skeleton(path, given):
         options["skeleton"] = config.get("skeleton") or formats.companion(beside or path)
     take = formats.read(path, **options)
     others = [name for name in config.get("markers", ()) if name not in take.markers]
-    if others and formats.lists_points(path):
+    if others and formats.lists_points(path, given):
         try:
             return formats.read(path, points=others, **options)
         except UsageError:  # patterns of markers, and no names of points

@@ -57,7 +57,7 @@ def read_session(paths: Iterable[Path], settings: Settings) -> tuple[SessionTake
         sha256 = digest(path)
         if sha256 not in found:
             if take.poses is not None:
-                raise UsageError(f"{path}: --learn-from must name takes of markers (C3D). This one has joints.")
+                raise UsageError(f"{path}: --learn-from must name takes of markers. This one has joints.")
             take = replace(take.select(np.flatnonzero(~take.detached)), findings=())
             if not any(_is_same_capture(each.take, take, _columns(each.take, take)) for each in found.values()):
                 found[sha256] = SessionTake(path=path, sha256=sha256, take=take)

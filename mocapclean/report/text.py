@@ -7,6 +7,7 @@ from pathlib import Path
 from mocapclean.errors import printable
 from mocapclean.evaluation.metrics import GRADES, Error
 from mocapclean.formats.declarations import DECLARATIONS
+from mocapclean.pipeline.conversion import Conversion
 from mocapclean.pipeline.outcome import Candidate, GapReport, Outcome, Verdict
 from mocapclean.take import Finding
 
@@ -61,6 +62,20 @@ def inspection(outcome: Outcome, *, verbose: bool = False) -> str:
         lines += ["", *_marker_table(outcome)]
         if verbose:
             lines += ["", *_gap_table(outcome)]
+    return "\n".join(map(printable, lines))
+
+
+def converted(done: Conversion) -> str:
+    """Return the report of one converted take: its size, and what the new file does not have."""
+    last = done.first_frame + done.n_frames - 1
+    shape = f"{_count(done.n_markers, 'marker')} x {_count(done.n_frames, 'frame')} ({done.first_frame}-{last})"
+    lines = [
+        f"{done.source} -> {done.output}",
+        _line("take", f"{done.read_as.upper()} to {done.written_as.upper()}, {shape} at {done.rate:g} Hz"),
+        _line("missing", f"{done.missing:,} samples" if done.missing else "nothing"),
+        *(_line("left out", text) for text in done.not_carried),
+        *_findings(done.findings, done.first_frame, False),
+    ]
     return "\n".join(map(printable, lines))
 
 

@@ -1,6 +1,7 @@
-"""Mutated C3D, BVH, AMC and ASF files through read, detect, fill linear and write.
+"""Mutated C3D, BVH, AMC and ASF files and tables through read, detect, fill linear and write.
 
-    python -m tests.fuzz [--inputs 10000] [--first 0] [--workers 1] [--captures ../shared/data] [--found fuzz-found]
+    python -m tests.fuzz [--inputs 10000] [--first 0] [--workers 1] [--kinds trc,csv,tsv] [--captures ../shared/data]
+        [--found fuzz-found]
 
 An input depends on its seed alone: ``--first SEED --inputs 1`` makes a finding again. A finding is: an exception other
 than MocapcleanError, a warning of the arithmetic, more than 5 s of processor time, more than 1 GiB of memory, the end
@@ -21,7 +22,7 @@ from tqdm import tqdm
 
 from mocapclean.batch.limits import WorkerLimits
 from mocapclean.batch.pool import Stop, run
-from tests.fuzz.target import Fuzz
+from tests.fuzz.target import KINDS, Fuzz
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,10 +32,11 @@ def main() -> int:
     parser.add_argument("--inputs", type=int, default=10000)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--kinds", type=lambda text: tuple(text.split(",")), default=KINDS)
     parser.add_argument("--captures", type=Path, default=ROOT.parent / "shared" / "data")
     parser.add_argument("--found", type=Path, default=Path("fuzz-found"))
     options = parser.parse_args()
-    fuzz = Fuzz((ROOT / "sample_data", options.captures), options.found.absolute())
+    fuzz = Fuzz((ROOT / "sample_data", options.captures), options.found.absolute(), options.kinds)
     counts: Counter[str] = Counter()
     seeds = range(options.first, options.first + options.inputs)
     limits = WorkerLimits(workers=options.workers, timeout=120.0, memory=1 << 30)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 NUMBERS = (b"nan", b"inf", b"-inf", b"1e999", b"-1e308", b"1e-320", b"0", b"-0", b"99999999999999999999", b"-1", b"")
 NUMBERS += (b"0x10", b"1_0", b"1,5", b"--1", b"2147483648", b"-2147483649", b"65536", b"1e20", b".", b"+", b"\xd9\xa1")
 NAMES = (b"", b"\xff", "走".encode(), b"x" * 300, b"ROOT", b"end")
-MARKS = (b"", b"{", b"}", b"{" * 2000, b"\r", b"\n\n", b"#", b":", b"\0", b"(")
+MARKS = (b"", b",", b";", b"\t", b",,,,", b'"', b"{", b"}", b"{" * 2000, b"\r", b"\n\n", b"#", b":", b"\0", b"(")
 WORDS = (0, 1, 2, 3, 127, 128, 255, 256, 32767, 32768, 65534, 65535)
 DOUBLES = (float("nan"), float("inf"), -float("inf"), 1e38, -1e38, 1e-45, 0.0, -0.0, 1e20, 3e38)
 
@@ -88,7 +88,7 @@ def _name(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> No
 
 
 def _mark(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
-    _token(rng, content, rb"[{}()#:]|\r?\n", rng.choice(MARKS))
+    _token(rng, content, rb"[{}()#:,;\t\"]|\r?\n", rng.choice(MARKS))
 
 
 def _line(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> None:
@@ -109,6 +109,8 @@ def _encode(rng: random.Random, content: bytearray, others: Sequence[bytes]) -> 
         lambda: text.replace(b" ", b"\t"),
         lambda: text.upper(),
         lambda: text.replace(b".", b","),
+        lambda: text.replace(b",", b";"),
+        lambda: text.replace(b"\t", b","),
     )
     content[:] = rng.choice(encodings)()
 

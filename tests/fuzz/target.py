@@ -14,6 +14,7 @@ import mocapclean
 from mocapclean.config.settings import Settings
 from mocapclean.pipeline.repair import repair
 from tests.fuzz.mutate import mutate
+from tests.table_texts import TEXTS
 
 SECONDS = 5.0
 """Processor seconds that an input may take; chosen by hand."""
@@ -21,17 +22,22 @@ LARGEST = 400_000
 """Bytes of the largest file that is mutated."""
 LONGEST = 600
 """Lines that are kept of a text."""
+KINDS = ("c3d", "c3d", "bvh", "amc", "trc", "csv", "tsv")
+"""Suffixes of the inputs, one of which is drawn for each."""
 SETTINGS = Settings(method="linear", self_check=False, overwrite=True)
 
 
 @lru_cache
 def corpus(folders: tuple[Path, ...], kind: str) -> list[bytes]:
-    """Return the files of a kind (c3d, bvh, amc, asf) in folders, without large files; long texts are cut."""
+    """Return the files of a kind (c3d, bvh, amc, asf, trc, ...) in folders, and the texts of tables that are made for
+    tests, without large files; long texts are cut.
+    """
     paths = {path for folder in folders for path in folder.rglob("*") if path.suffix.lower() == f".{kind}"}
     found = [path.read_bytes() for path in sorted(paths)]
     if kind != "c3d":
         found = [b"".join(content.splitlines(keepends=True)[:LONGEST]) for content in found]
-    return [content for content in found if len(content) <= LARGEST]
+    made = [content for name, content in TEXTS.items() if name.endswith(f".{kind}")]
+    return [content for content in found if len(content) <= LARGEST] + made
 
 
 class HangError(Exception):
@@ -44,6 +50,7 @@ class Fuzz:
 
     folders: tuple[Path, ...]
     found: Path
+    kinds: tuple[str, ...] = KINDS
 
     def __call__(self, seed: int) -> str:
         """Mutate and repair; an input that raises is kept in the folder ``found``."""
@@ -72,7 +79,7 @@ class Fuzz:
     def input(self, seed: int, place: Path) -> Path:
         """Return the mutated file of a seed, in a folder, made from the smaller of two files to save time."""
         rng = random.Random(seed)
-        kind = rng.choice(("c3d", "c3d", "bvh", "amc"))
+        kind = rng.choice(self.kinds)
         kinds = (kind, "asf") if kind == "amc" else (kind,)
         content = {name: min(rng.choices(corpus(self.folders, name), k=2), key=len) for name in kinds}
         wrong = rng.choice(list(content))

@@ -14,10 +14,12 @@ from mocapclean.batch import inputs
 from mocapclean.batch.inputs import Input
 from mocapclean.batch.limits import WorkerLimits, memory_limiter, processors
 from mocapclean.batch.pool import Stop
+from mocapclean.cli.guard import complain
 from mocapclean.cli.stages import drawn_bar
 from mocapclean.config.settings import Settings
 from mocapclean.errors import UsageError
 
+_FEW_NAMES = 3  # most names of files in a remark
 _FINISHING = b"mocapclean: Finishing running takes. Press Ctrl-C again to stop now.\n"
 _DROPPING = b"mocapclean: Stopping. Running takes are dropped.\n"
 
@@ -32,9 +34,14 @@ def select_inputs(
         raise UsageError(f"--relative-to must be a folder. Got {relative_to}.")
     if settings.out_dir is None and any(map(os.path.isdir, files)):
         raise UsageError(f"{next(filter(os.path.isdir, files))}: an input folder needs --out-dir.")
-    takes = [*inputs.find(files, relative_to, settings.out_dir)]
+    left_out: list[Path] = []
+    takes = [*inputs.find(files, relative_to, settings.out_dir, left_out)]
     if files_from is not None:
-        takes += inputs.find(inputs.read_list(files_from, null), relative_to or Path(), settings.out_dir)
+        takes += inputs.find(inputs.read_list(files_from, null), relative_to or Path(), settings.out_dir, left_out)
+    if left_out and not settings.quiet:
+        names = ", ".join(path.name for path in left_out[:_FEW_NAMES])
+        more = ", ..." if len(left_out) > _FEW_NAMES else ""
+        complain(f"Files in folders that hold no take are left out: {len(left_out)} ({names}{more}).")
     if settings.scheduler:
         takes = [replace(each, path=Path(os.path.abspath(each.path))) for each in takes]
     takes = inputs.matching(takes, settings.include_files, settings.exclude_files)

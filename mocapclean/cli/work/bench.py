@@ -25,8 +25,6 @@ from mocapclean.files import new_file
 from mocapclean.report.text import table
 from mocapclean.take import ReadOptions
 
-_SUFFIXES = formats.suffixes()
-
 
 def work(
     experiment: str,
@@ -119,9 +117,9 @@ def _folder(folder: Path, options: ReadOptions) -> list[Capture]:
     """Return all takes of a folder, sorted by name; raise UsageError if there is none."""
     if not folder.is_dir():
         raise UsageError(f"--folder must be a folder. Got {folder}.")
-    captures = [_capture(path, options) for path in sorted(folder.iterdir()) if path.suffix.lower() in _SUFFIXES]
+    captures = [_capture(path, options) for path in sorted(folder.iterdir()) if formats.is_take(path)]
     if not captures:
-        raise UsageError(f"{folder}: the folder must hold takes ({', '.join(_SUFFIXES)}). Got none.")
+        raise UsageError(f"{folder}: the folder must hold takes ({', '.join(formats.suffixes())}). Got none.")
     return captures
 
 

@@ -3,6 +3,7 @@
 Source: the C3D file format user guide (Motion Lab Systems, 2008, c3d.org).
 """
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from mocapclean.arrays import Floats
 from mocapclean.errors import FormatError
 from mocapclean.formats.c3d.document import RESIDUAL, WORDS_PER_POINT, C3dDocument
-from mocapclean.formats.c3d.events import events
+from mocapclean.formats.c3d.events import SECONDS_PER_MINUTE, events
 from mocapclean.formats.c3d.header import BLOCK, MAGIC, MOST_COUNT, halves, read_header
 from mocapclean.formats.c3d.layout import find_layout
 from mocapclean.formats.c3d.outdated import outdated
@@ -20,7 +21,9 @@ from mocapclean.formats.c3d.point_kinds import MOVES_ALONE, kinds_by_name
 from mocapclean.formats.c3d.points import frame_rate, millimetres_per_unit, named_markers, point_names, step
 from mocapclean.formats.c3d.selection import as_columns, select_markers
 from mocapclean.formats.c3d.words import INTEL, Words
-from mocapclean.take import Origin, ReadOptions, Take
+from mocapclean.formats.declarations import FIRST_FRAME
+from mocapclean.take import Event, Origin, ReadOptions, Take
+from mocapclean.take.names import split_subject
 
 __all__ = ["C3dDocument", "create", "events", "outdated", "prove", "read", "sniff", "write"]
 
@@ -81,9 +84,10 @@ def read(path: Path, options: ReadOptions) -> Take:
     )
 
 
-def create(take: Take, path: Path) -> None:
+def create(take: Take, path: Path, happened: Sequence[Event] = ()) -> None:
     """Write a new C3D file of floats, in millimetres, and read it back; samples neither trusted nor filled are missing.
 
+    Subjects that the names have as prefixes are listed in the group SUBJECTS, events in the group EVENT.
     Raises FormatError when there are more than 65535 frames, or a name or position does not fit.
     """
     known = take.trusted | take.filled
@@ -94,7 +98,7 @@ def create(take: Take, path: Path) -> None:
     n_frames, n_markers = known.shape
     points = np.ones((WORDS_PER_POINT, n_markers, n_frames))
     points[:RESIDUAL] = known_positions.transpose(2, 1, 0)
-    first = max(take.first_frame, 1)
+    first = max(take.first_frame, FIRST_FRAME)
     last = first + n_frames - 1
     file: Any = ezc3d.c3d()
     file["header"]["points"]["first_frame"] = first - 1
@@ -104,6 +108,8 @@ def create(take: Take, path: Path) -> None:
     if last > MOST_COUNT:  # the header's 16 bits do not hold the numbers of these frames
         file.add_parameter("TRIAL", "ACTUAL_START_FIELD", halves(first))
         file.add_parameter("TRIAL", "ACTUAL_END_FIELD", halves(last))
+    _add_subjects(file, take.markers)
+    _add_events(file, first, take.rate, happened)
     file["data"]["points"] = points
     file["data"]["meta_points"]["residuals"] = np.where(known, 0.0, -1.0).T[None]
     try:
@@ -113,6 +119,28 @@ def create(take: Take, path: Path) -> None:
     stored = read(path, ReadOptions(points=take.markers))
     if stored.markers != take.markers or not np.array_equal(stored.positions, known_positions.astype(np.float32)):
         raise FormatError(path, "a new C3D file must read back as it was written. Got other markers or positions.")
+
+
+def _add_subjects(file: Any, markers: Sequence[str]) -> None:
+    """List in a new file the subjects that markers have as prefixes (C3D user guide, the group SUBJECTS)."""
+    subjects = [subject for subject in dict.fromkeys(split_subject(name)[0] for name in markers) if subject]
+    if subjects:
+        file.add_parameter("SUBJECTS", "IS_STATIC", [0])
+        file.add_parameter("SUBJECTS", "USES_PREFIXES", [1])
+        file.add_parameter("SUBJECTS", "USED", [len(subjects)])
+        file.add_parameter("SUBJECTS", "NAMES", subjects)
+        file.add_parameter("SUBJECTS", "LABEL_PREFIXES", [f"{subject}:" for subject in subjects])
+
+
+def _add_events(file: Any, first_frame: int, rate: float, happened: Sequence[Event]) -> None:
+    """Add events to a new file, with minutes and seconds from frame 1 on (C3D user guide, the group EVENT)."""
+    if not happened:
+        return
+    seconds = np.array([(event.frame + first_frame - 1) / rate for event in happened])
+    file.add_parameter("EVENT", "USED", [len(happened)])
+    file.add_parameter("EVENT", "TIMES", np.stack([seconds // SECONDS_PER_MINUTE, seconds % SECONDS_PER_MINUTE]))
+    file.add_parameter("EVENT", "LABELS", [event.label for event in happened])
+    file.add_parameter("EVENT", "CONTEXTS", [event.context for event in happened])
 
 
 def _check_new(take: Take, positions: Floats, path: Path) -> None:

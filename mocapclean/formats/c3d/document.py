@@ -55,6 +55,13 @@ class C3dDocument:
         return tuple(name for i, name in enumerate(self.names) if i not in markers)
 
     @property
+    def others(self) -> tuple[str, ...]:
+        """What the file has beside the positions of its points, in words."""
+        n_analog = self.n_words - WORDS_PER_POINT * self.n_points
+        analog = (f"{n_analog} analog samples per frame",) if n_analog else ()
+        return (*analog, "residuals and cameras of the samples", "parameters other than names, rate and unit")
+
+    @property
     def stride(self) -> int:
         """Bytes per frame."""
         return self.n_words * self.words.raw.itemsize

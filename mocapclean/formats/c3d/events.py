@@ -9,7 +9,8 @@ from mocapclean.formats.c3d.document import C3dDocument
 from mocapclean.formats.c3d.header import read_header
 from mocapclean.take import Event, Take
 
-_SECONDS_PER_MINUTE = 60.0  # by definition
+SECONDS_PER_MINUTE = 60.0
+"""By definition."""
 
 
 def events(take: Take) -> tuple[Event, ...]:
@@ -26,7 +27,7 @@ def events(take: Take) -> tuple[Event, ...]:
     found = []
     for number, (minutes, seconds) in enumerate(zip(times[0::2], times[1::2], strict=False)):
         # Frame 1 is at time 0, so that a time t is in frame t * rate + 1 of the file.
-        frame = (minutes * _SECONDS_PER_MINUTE + seconds) * take.rate + 1 - take.first_frame
+        frame = (minutes * SECONDS_PER_MINUTE + seconds) * take.rate + 1 - take.first_frame
         if math.isfinite(frame) and 0 <= round(frame) < len(take.trusted):
             label = labels[number] if number < len(labels) else ""
             context = contexts[number] if number < len(contexts) else ""

@@ -116,16 +116,24 @@ def kinds_by_name(labels: Sequence[str], parameters: Parameters) -> list[Kind]:
     has_labels = any(labels)
 
     def kind(label: str) -> Kind:
-        name = bare_name(label)
-        if {label, name} & listed or (":" not in label and label in bare_listed):
+        if {label, bare_name(label)} & listed or (":" not in label and label in bare_listed):
             return Kind.LISTED
-        if is_unlabelled(label) and (label or has_labels):
-            return Kind.UNLABELLED
-        if is_model_output(name, names):
-            return Kind.MODEL_OUTPUT
-        return Kind.QUANTITY if QUANTITIES.fullmatch(name) else Kind.CAPTURED
+        return kind_by_label(label, names) if label or has_labels else kind_by_name(label, names)
 
     return [kind(label) for label in labels]
+
+
+def kind_by_label(label: str, names: set[str]) -> Kind:
+    """Return the kind of a point by its label, which may be that of an unlabelled trajectory; names: see below."""
+    return Kind.UNLABELLED if is_unlabelled(label) else kind_by_name(label, names)
+
+
+def kind_by_name(label: str, names: set[str]) -> Kind:
+    """Return the kind of a labelled point, given the names of all points without their subjects."""
+    name = bare_name(label)
+    if is_model_output(name, names):
+        return Kind.MODEL_OUTPUT
+    return Kind.QUANTITY if QUANTITIES.fullmatch(name) else Kind.CAPTURED
 
 
 def is_unlabelled(label: str) -> bool:
