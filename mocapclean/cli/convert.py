@@ -17,6 +17,7 @@ from mocapclean.cli.options import (
     UNIT,
     Command,
     examples,
+    verbose,
 )
 from mocapclean.cli.stages import stages_shown
 
@@ -40,6 +41,7 @@ from mocapclean.cli.stages import stages_shown
 @FORMAT
 @MARKERS
 @AS_JSON
+@verbose()
 @guarded
 def command(**options: Any) -> int:
     """Write takes (.c3d, .bvh, .amc, .trc, .csv, .tsv) as files of another format, and say what these do not have.
