@@ -12,7 +12,7 @@ from mocapclean.cli.stages import stages_shown
 @click.command(
     "inspect",
     cls=Command,
-    epilog=examples("mocapclean inspect take.c3d", "mocapclean inspect captures/ --json | jq .counts"),
+    epilog=examples("mocapclean inspect take.c3d", "mocapclean inspect captures/ --json | jq .takes[].counts"),
 )
 @click.argument("files", nargs=-1, required=True, type=FILE, metavar=TAKES)
 @AS_JSON

@@ -66,7 +66,12 @@ def overwriting(default: bool | None = None) -> Callable[[Decorated], Decorated]
 OUTPUT = "The file to write: "
 """How the help of ``--output`` begins in every command."""
 OVERWRITE = overwriting()
-AS_JSON = click.option("--json", "as_json", is_flag=True, help="Print each take as one line of JSON, and nothing else.")
+AS_JSON = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="Print each take as one line of JSON, under takes as in a report, and nothing else.",
+)
 QUIET = click.option("-q", "--quiet/--no-quiet", default=None, help="Print only what fails.")
 HTML = click.option("--html", type=FILE, help="Also write a page with pictures of all takes, for any browser.")
 METHOD = click.option(

@@ -75,6 +75,11 @@ def verdict_row(verdict: Verdict) -> dict[str, Any]:
     }
 
 
+def line(each: Mapping[str, Any]) -> str:
+    """Return the row of one take as a line of JSON in ASCII, under ``takes`` as in a report."""
+    return json.dumps({"takes": [each]}, allow_nan=False)
+
+
 def write(path: Path, rows: Iterable[Mapping[str, Any]], config: Mapping[str, Any]) -> None:
     """Write the report of a run."""
     with path.open("w", encoding="utf-8", newline="\n") as file:

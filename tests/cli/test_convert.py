@@ -33,7 +33,7 @@ def test_a_folder_is_converted_into_another(tmp_path):
     (tmp_path / "in" / "notes.csv").write_text("who,when\nAnn,today\n")
     done = run("convert", tmp_path / "in", "--out-dir", tmp_path / "out", "--to", "c3d", "--json")
     assert done.exit_code == 0
-    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    rows = [row for line in done.stdout.splitlines() for row in json.loads(line)["takes"]]
     assert [row["read_as"] for row in rows] == ["trc", "motive"]
     assert mocapclean.read(tmp_path / "out" / "sub" / "two.c3d").trusted.shape == (40, 6)
 

@@ -76,7 +76,7 @@ def test_json_is_one_line_for_each_take_and_nothing_else(captures):
     (captures / "broken.c3d").write_bytes(b"1")
     code, out, _ = fill(captures, "--out-dir", "clean", "--json", "--report", "all.json")
     assert code == 1
-    lines = [json.loads(line) for line in out.splitlines()]
+    lines = [row for line in out.splitlines() for row in json.loads(line)["takes"]]
     assert {line["source"]: line for line in lines} == rows_of(Path("all.json"))
 
 

@@ -150,7 +150,7 @@ def test_quiet_prints_only_what_fails(takes):
 def test_json_is_a_line_for_each_take_and_nothing_else(takes):
     code, out, err = run(takes, "--json")
     assert (code, err) == (1, "")
-    rows = [json.loads(line) for line in out.splitlines()]
+    rows = [row for line in out.splitlines() for row in json.loads(line)["takes"]]
     assert [row["passes"] for row in rows] == [True, True, False, False]
 
 

@@ -38,7 +38,7 @@ def command(source, tmp_path, *options):
     arguments = ["fill", str(source), "-o", str(out), "--sidecar", str(arrays), "--json", *options]
     done = CliRunner().invoke(cli, arguments)
     assert done.exit_code == 0, done.stderr
-    return out.read_bytes(), json.loads(done.stdout), np.load(arrays)
+    return out.read_bytes(), json.loads(done.stdout)["takes"][0], np.load(arrays)
 
 
 @pytest.mark.parametrize("case", CASES)

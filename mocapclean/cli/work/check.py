@@ -1,7 +1,6 @@
 """The work of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
 
 import contextlib
-import json
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from mocapclean.pipeline.check import CheckTake, unchecked
 from mocapclean.pipeline.outcome import Verdict
 from mocapclean.pipeline.view import View
 from mocapclean.report import ci
-from mocapclean.report.record import checked, verdict_row
+from mocapclean.report.record import checked, line, verdict_row
 from mocapclean.report.text import verdict
 
 
@@ -155,7 +154,7 @@ def _print(takes: list[Path], verdicts: dict[Path, Verdict], settings: Settings,
     """Print the verdicts of some takes, as words or as lines of JSON; with --quiet those alone that fail."""
     for take in takes:
         if not (settings.quiet and verdicts[take].passes):
-            text = json.dumps(verdict_row(verdicts[take]), allow_nan=False) if as_json else None
+            text = line(verdict_row(verdicts[take])) if as_json else None
             click.echo(text or verdict(verdicts[take], verbose=settings.verbose))
 
 

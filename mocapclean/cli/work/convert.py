@@ -1,6 +1,5 @@
 """The work of ``mocapclean convert``: write takes as files of another format."""
 
-import json
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import make_folder
 from mocapclean.formats.declarations import DECLARATIONS
 from mocapclean.pipeline.conversion import Conversion, convert
+from mocapclean.report.record import line
 from mocapclean.report.text import converted
 
 
@@ -31,7 +31,7 @@ def work(files: tuple[Path, ...], to: str | None, out_dir: Path | None, as_json:
             complain(str(error))
             code = max(code, error.exit_code)
             continue
-        click.echo(json.dumps(_row(done)) if as_json else converted(done))
+        click.echo(line(_row(done)) if as_json else converted(done))
     return code
 
 

@@ -1,7 +1,6 @@
 """The work of ``mocapclean fill``: repair takes, and write them and their reports."""
 
 import contextlib
-import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
@@ -181,7 +180,7 @@ def _print(row: Mapping[str, Any], result: FinishedTake, settings: Settings, as_
     if row["error"]:
         complain(row["error"] if row["status"] == "failed" else f"{row['source']}: {row['error']}")
     if as_json:
-        click.echo(json.dumps(row, allow_nan=False))
+        click.echo(record.line(row))
     elif result.summary and row["status"] != "failed" and not settings.quiet:
         click.echo(result.summary)
 
@@ -231,7 +230,7 @@ def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_js
         code = max(code, row["exit_code"])
         counts[row["status"]] += 1
         if as_json and row["status"] == "skipped":
-            click.echo(json.dumps(row, allow_nan=False))
+            click.echo(record.line(row))
     if len(jobs) != 1 and not settings.quiet and not as_json:
         click.echo(totals(counts, n_earlier, settings.report if isinstance(settings.report, Path) else None))
     return code

@@ -1,6 +1,5 @@
 """The work of ``mocapclean inspect``: show the content of a take and its gaps; no file is written."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +31,7 @@ def work(
             code = max(code, error.exit_code)
             outcome = Outcome(source=path, status="failed", error=str(error), exit_code=error.exit_code)
         if as_json:
-            click.echo(json.dumps(record.row(outcome), allow_nan=False))
+            click.echo(record.line(record.row(outcome)))
         elif outcome.status != "failed":
             click.echo(inspection(outcome, verbose=settings.verbose))
     return code
