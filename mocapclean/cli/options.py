@@ -91,7 +91,7 @@ MARKERS = click.option(
     multiple=True,
     metavar="NAME",
     shell_complete=completing.markers,
-    help="Repair, or convert, only these markers; wildcards allowed.",
+    help="Use only these markers; wildcards allowed.",
 )
 EXCLUDE = click.option(
     "--exclude",
