@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mocapclean.arrays import Floats, Ints
 from mocapclean.solvers.kriging.bridging import PlanBridges, patterns_of
 from mocapclean.solvers.kriging.gap_segment import Answer, Evidence, GapSegment
 from mocapclean.solvers.kriging.own_path import predict_from_own_path
@@ -14,9 +15,15 @@ from mocapclean.solvers.kriging.predictors import Predictor, applicable
 from mocapclean.solvers.kriging.regression_kriging import KrigingResult
 from mocapclean.solvers.kriging.sampling_plan import SamplingPlan
 from mocapclean.solvers.kriging.segment_batch import batch_frames, batch_of
+from mocapclean.solvers.kriging.take_state import TakeState
 
 HELD_OUT_MARGIN = 3  # frames around a window that are held out of the regression with it; chosen by hand
 BATCH_ROWS = 6000  # frames of all segments of a batch together; chosen by hand for speed, so that caches hold them
+DISPLACEMENT = 0.025
+"""s before and after a frame between which the displacements of neighbours are taken.
+
+Chosen among 1/40, 1/20 and 1/10 s on the first half of the takes of ``mocapclean bench occlusion``.
+"""
 NEIGHBOUR_STEP = 4  # a batch has segments whose numbers of neighbours differ by less; chosen by hand for speed
 
 
@@ -75,7 +82,7 @@ def _planned(segments: Sequence[GapSegment], resembling: bool) -> list[_Planned]
             segment,
             plan,
             PlanBridges(plan, state.bridge_weights),
-            applicable(len(segment.neighbours), bool(segment.hinge_ends)),
+            applicable(len(segment.neighbours), bool(segment.hinge_ends), len(plan.gap) / state.rate),
         )
         for segment, plan in zip(segments, plans, strict=True)
     ]
@@ -111,10 +118,23 @@ def _predicted(planned: list[_Planned]) -> list[list[KrigingResult]]:
         in_use=np.arange(counts.max()) < counts[:, None],
         hinge_ends=np.array([segment.hinge_ends or (0, 0) for segment in segments]),
         positions=state.positions[frames[..., None], neighbours[:, None]],
+        displacements=_displacements(state, frames, neighbours) if any(p.moving for p in predictors) else None,
         distances=state.distances,
     )
     results = predict_all(predictors, near, batch, state.params.noise**2)
     return [[_of_segment(result, k, plan) for result, defined in results if defined[k]] for k, plan in enumerate(plans)]
+
+
+def _displacements(state: TakeState, frames: Ints, neighbours: Ints) -> Floats:
+    """Return the displacements (G, N, q, 3) of neighbours (G, q) around frames (G, N), mm.
+
+    At the ends of the take they are shorter.
+    """
+    reach, own = max(1, round(DISPLACEMENT * state.rate)), frames < state.n_own
+    first, last = np.where(own, 0, state.n_own), np.where(own, state.n_own, len(state.positions)) - 1
+    before, after = np.maximum(frames - reach, first), np.minimum(frames + reach, last)
+    ends = [state.positions[at[..., None], neighbours[:, None]] for at in (before, after)]
+    return np.asarray(ends[1] - ends[0])
 
 
 def _of_segment(results: KrigingResult, k: int, plan: SamplingPlan) -> KrigingResult:

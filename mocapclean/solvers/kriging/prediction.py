@@ -21,7 +21,8 @@ class Neighbourhoods:
 
     markers: (G,) columns. neighbours: (G, q) columns. in_use: (G, q) whether a marker has as many neighbours.
     hinge_ends: (G, 2) indices into the neighbours; not read where the markers of the batch are no joints.
-    positions: (G, N, q, 3) of the neighbours, mm, in the world. distances: those of the take.
+    positions: (G, N, q, 3) of the neighbours, mm, in the world. displacements: (G, N, q, 3) of these over 1/20 s
+    around each frame, mm, or None where no predictor of the batch reads them. distances: those of the take.
     """
 
     markers: Ints
@@ -29,6 +30,7 @@ class Neighbourhoods:
     in_use: Bools
     hinge_ends: Ints
     positions: Floats
+    displacements: Floats | None
     distances: NeighbourDistances
 
     def rows(self, values: Floats) -> Floats:
@@ -108,9 +110,12 @@ def _features(
     positions = near.positions[:, :, chosen]
     # Axes that only shift need no product.
     local = frames.to_local(positions) if predictor.n_framing else positions - frames.origins[..., None, :]
+    if predictor.moving and near.displacements is not None:
+        moves = near.displacements[:, :, chosen] @ frames.axes.swapaxes(-1, -2)
+        local = np.concatenate([local, moves], axis=3)
     local *= _scales(predictor, near)[:, None, chosen, None]
     features = local.reshape(*local.shape[:2], -1)
-    in_use = 3.0 * near.in_use[:, chosen].sum(axis=1)
+    in_use = float(local.shape[3]) * near.in_use[:, chosen].sum(axis=1)
     if radii is not None:
         features, in_use = radius_scaled(features, radii, batch), in_use + 1.0
     if predictor.n_poses:
