@@ -26,7 +26,7 @@ def swarm(seed: int, n_frames: int, n_markers: int, seen: float, longest: int) -
     return Take(positions=np.where(trusted[..., None], positions, 0.0), trusted=trusted, markers=names, rate=120.0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     st.integers(0, 10_000), st.integers(60, 200), st.integers(2, 9), st.floats(0.05, 0.7), st.sampled_from([4, 15, 60])
 )
