@@ -11,6 +11,7 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from mocapclean.config.sections import Sections
 from mocapclean.config.settings import Settings
 from mocapclean.json_values import plain
 from mocapclean.parameters import checker
@@ -27,8 +28,12 @@ def schema() -> dict[str, Any]:
 
 
 def as_yaml(settings: Settings) -> str:
-    """Return settings as YAML with a comment at every key; all keys are there, also those of unused methods."""
-    values = {name: plain(value) for name, value in settings}
+    """Return settings as YAML with a comment at every key; all keys are there, also those of unused methods.
+
+    The parameters of methods and of trust rules, which are most of it, come last.
+    """
+    by_size = sorted(settings, key=lambda named: isinstance(named[1], Sections))
+    values = {name: plain(value) for name, value in by_size}
     document = schema()
     tree = _commented(values, document, document.get("$defs", {}), 0)
     tree.yaml_set_start_comment("A configuration of mocapclean with every key. A key that is left out has its default.")

@@ -69,7 +69,7 @@ def read(path: Path, options: ReadOptions) -> Take:
             Finding(
                 rule="rate",
                 message=f"an AMC file has no frame rate; it is taken as {rate:g} Hz",
-                advice="" if options.rate else "give the rate if it is another",
+                advice="" if options.rate else "give the rate (--rate) if it is another",
             ),
         ),
         origin=Origin(path=path, format="amc", options=options, document=document),

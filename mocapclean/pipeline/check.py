@@ -7,14 +7,14 @@ from time import perf_counter
 
 import numpy as np
 
-from mocapclean import progress
+from mocapclean import logs, progress
 from mocapclean.arrays import Bools, runs
 from mocapclean.config.settings import DEFAULT_METHOD, MarkerLimits, Settings, TakeLimits
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.choose import checked_before_filling
 from mocapclean.pipeline.frame_range import touching, within
-from mocapclean.pipeline.outcome import Breach, Outcome, Verdict
+from mocapclean.pipeline.outcome import BoneReport, Breach, Outcome, Verdict
 from mocapclean.pipeline.prepare import Prepared, prepare
 from mocapclean.pipeline.summary import bone_reports, summarise
 from mocapclean.pipeline.view import Keep, View, view
@@ -41,10 +41,11 @@ class CheckTake:
     def _verdict(self, job: Path, keep: Keep | None) -> Verdict:
         started = perf_counter()
         try:
-            verdict = _check(job, self.settings, keep)
+            with logs.about(job):
+                verdict = _check(job, self.settings, keep)
         except MocapcleanError as error:
             advice = "correct what the message names, or export the take again"
-            verdict = unchecked(job, "readable", str(error), advice)
+            verdict = unchecked(job, "readable", _without_path(str(error), job), advice)
         return replace(verdict, seconds=perf_counter() - started)
 
     def undo(self, job: Path) -> None:
@@ -54,6 +55,11 @@ class CheckTake:
 def unchecked(source: Path, limit: str, message: str, advice: str) -> Verdict:
     """Return the verdict on a take that could not be checked."""
     return Verdict(source=source, breaches=(Breach(limit=limit, message=message, advice=advice),))
+
+
+def _without_path(message: str, source: Path) -> str:
+    """Return the message of an error without the path that it begins with; a verdict names its file itself."""
+    return message.removeprefix(str(source)).lstrip(":, ").removesuffix(".")
 
 
 def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
@@ -68,12 +74,11 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
     limits = settings.check
     missing = take.distrusted_by("missing") | take.distrusted_by("user")
     _, bones, _ = bone_reports(whole, whole, prepared.frames)
-    inner = [_longest_inner_run(column) for column in missing.T]
-    worst = int(np.argmax(inner))
+    inner = _longest_inner_gap(take, missing)
     bone = max(bones, key=lambda bone: bone.before.deviation or 0.0, default=None)
     measures: dict[str, float] = {
         "longest_gap": max(_longest_run(column)[0] for column in missing.T),
-        "longest_inner_gap": round(inner[worst] / take.rate, 3),
+        "longest_inner_gap": round(inner.n_frames / take.rate, 3),
         "missing": _percent(missing),
         "replaced": _percent(~take.trusted & ~missing),
         "distrusted": _percent((~take.trusted & ~missing) | take.suspicious),
@@ -83,7 +88,7 @@ def _check(source: Path, settings: Settings, keep: Keep | None) -> Verdict:
         "duration": round(len(take.trusted) / take.rate, 6),
     }
     breaches = [
-        *_take_breaches(take, measures, f"{bone.start} - {bone.end}" if bone else "", take.markers[worst], limits),
+        *_take_breaches(take, measures, str(inner), _farthest_off(take, bone), limits),
         *_gap_breaches(take, missing, _without_own_gap_limit(take, limits), limits.longest_gap),
         *(breach for name, own in limits.markers.items() for breach in _marker_breaches(take, missing, name, own)),
         *_required_breaches(take, limits),
@@ -117,30 +122,64 @@ def _longest_run(column: Bools) -> tuple[int, int]:
     return max(((int(stop - start), int(start)) for start, stop in runs(column)), default=(0, 0))
 
 
-def _longest_inner_run(column: Bools) -> int:
-    """Return the length of the longest run of a mask (F,) that touches neither end."""
-    inner = (int(stop - start) for start, stop in runs(column) if start > 0 and stop < len(column))
-    return max(inner, default=0)
+@dataclass(frozen=True)
+class _Gap:
+    """A gap of a marker, with the numbers of its first and last frame in the file."""
+
+    n_frames: int
+    marker: str = ""
+    first: int = 0
+    last: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.marker} in frames {self.first}-{self.last}"
+
+
+def _longest_inner_gap(take: Take, missing: Bools) -> _Gap:
+    """Return the longest run of missing samples (F, M) of a marker that is seen before and after it."""
+    longest = _Gap(0)
+    for marker, column in zip(take.markers, missing.T, strict=True):
+        for start, stop in runs(column):
+            if start > 0 and stop < len(column) and stop - start > longest.n_frames:
+                longest = _Gap(int(stop - start), marker, *take.numbers(start, stop))
+    return longest
+
+
+def _farthest_off(take: Take, bone: BoneReport | None) -> str:
+    """Return the name of a bone and the number of the frame in which its length is farthest off, as words."""
+    if bone is None or bone.before.deviation is None:
+        return ""
+    ends = [take.markers.index(bone.start), take.markers.index(bone.end)]
+    known = take.trusted[:, ends].all(axis=1)
+    lengths = np.linalg.norm(take.positions[:, ends[0]] - take.positions[:, ends[1]], axis=1)
+    frame = int(np.argmax(np.where(known, np.abs(lengths - bone.reference), -1.0)))
+    return f"{bone.start} - {bone.end} in frame {frame + take.first_frame}"
 
 
 def _take_breaches(
-    take: Take, measures: dict[str, float], bone: str, marker: str, limits: TakeLimits
+    take: Take, measures: dict[str, float], inner: str, bone: str, limits: TakeLimits
 ) -> Iterator[Breach]:
     """Yield the breaches of limits on the take as a whole.
 
-    bone: the name of the worst one. marker: that of the longest inner gap.
+    inner: the words for the marker and the frames of the longest inner gap. bone: those for the worst bone.
     """
-    for name, what, unit, advice in (
-        ("longest_inner_gap", f"is the longest inner gap, of {marker}", " s", "fill the take"),
-        ("missing", "of all samples are missing", " %", "look at the camera set-up, or fill the take"),
-        ("replaced", "of all samples would be replaced by a fill", " %", "read the findings; label the take again"),
-        ("distrusted", "of all samples are distrusted or suspicious", " %", "read the findings"),
-        ("swaps", "pairs of labels are swapped", "", "exchange them: mocapclean fill --fix-swaps"),
-        ("bone_deviation", f"off its length is {bone}", " mm", "look at the labels of its markers"),
+    for name, what, which, unit, advice in (
+        ("longest_inner_gap", "the longest inner gap is ", f", of {inner}", " s", "fill the take"),
+        ("missing", "", " of all samples are missing", " %", "look at the camera set-up, or fill the take"),
+        (
+            "replaced",
+            "",
+            " of all samples would be replaced by a fill",
+            " %",
+            "read the findings; label the take anew",
+        ),
+        ("distrusted", "", " of all samples are distrusted or suspicious", " %", "read the findings"),
+        ("swaps", "spans with swapped labels: ", "", "", "exchange them: mocapclean fill --fix-swaps"),
+        ("bone_deviation", "a bone is off its length by ", f", {bone}", " mm", "look at the labels of its markers"),
     ):
         limit = getattr(limits, name)
         if limit is not None and measures[name] > limit:
-            message = f"{measures[name]:g}{unit} {what}, {limit:g}{unit} allowed"
+            message = f"{what}{measures[name]:g}{unit}{which}, {limit:g}{unit} allowed"
             yield Breach(limit=name, found=measures[name], allowed=limit, message=message, advice=advice)
     if limits.rates and not any(np.isclose(take.rate, rate, rtol=1e-3) for rate in limits.rates):
         allowed = " or ".join(f"{rate:g}" for rate in limits.rates)

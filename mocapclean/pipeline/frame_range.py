@@ -53,7 +53,9 @@ def _between_events(take: Take, start: str, end: str) -> slice:
     """Return the frames from the first event of a name to the next one of another name, both inclusive."""
     events = formats.events(take)
     stated = Counter(event_name(event) for event in events)
-    has = ", ".join(f"{name} ({number})" for name, number in stated.items()) or "none"
+    has = ", ".join(f"{name} ({number})" for name, number in stated.items())
+    if not events:
+        raise UsageError(f"{_source(take)}: --events must go with a file that has events. It has none.")
     for name in (start, end):
         if not _called(name, events):
             raise UsageError(f"{_source(take)}: --events must name events of the file. Got {name!r}; it has: {has}.")

@@ -55,7 +55,7 @@ def summarise(
     return Outcome(
         source=Path(),
         status="repaired" if counts.filled or counts.moved or counts.invalidated else "unchanged",
-        error=f"{counts.left} samples are left, more than --max-left {settings.max_left}." if too_many else "",
+        error=f"{counts.left:,} samples are left, more than --max-left {settings.max_left}." if too_many else "",
         exit_code=int(too_many),
         n_frames=len(before.trusted),
         n_markers=len(before.markers),

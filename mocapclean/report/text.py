@@ -79,10 +79,14 @@ def converted(done: Conversion) -> str:
     return "\n".join(map(printable, lines))
 
 
-def totals(counts: Mapping[str, int], n_earlier: int, report: Path | None) -> str:
-    """Return one line about a run: how many takes have each status, and how many an earlier run had done."""
+def totals(counts: Mapping[str, int], n_beyond: int, n_earlier: int, report: Path | None) -> str:
+    """Return one line about a run: how many takes have each status.
+
+    n_beyond: takes with more samples left than --max-left. n_earlier: takes that an earlier run had done.
+    """
     parts = ", ".join(f"{count:,} {status}" for status, count in sorted(counts.items()))
     line = _count(sum(counts.values()), "take") + (f": {parts}" if parts else "")
+    line += f"; {n_beyond:,} with more samples left than --max-left" if n_beyond else ""
     line += f"; {n_earlier:,} done before" if n_earlier else ""
     return printable(line + (f"; report in {report}" if report else ""))
 
@@ -309,7 +313,7 @@ def _self_check(outcome: Outcome) -> Iterable[str]:
     width = len(header) - 2 * (total.covered is None)
     yield from _indented([row[:width] for row in rows], header[:width])
     if total.error and total.error.samples < total.samples:
-        yield _line("", f"{total.samples - total.error.samples:,} of them left unfilled")
+        yield _line("", f"{total.samples - total.error.samples:,} of the hidden samples were not filled")
 
 
 def _share(share: float | None) -> str:
@@ -380,6 +384,7 @@ def _findings(findings: Sequence[Finding], first: int, verbose: bool) -> Iterabl
 
 
 def _marker_table(outcome: Outcome) -> list[str]:
+    first, last = outcome.judged or (1, outcome.n_frames)
     by_marker: dict[str, list[GapReport]] = {}
     for gap in outcome.gaps:
         by_marker.setdefault(gap.marker, []).append(gap)
@@ -388,7 +393,7 @@ def _marker_table(outcome: Outcome) -> list[str]:
         samples = sum(gap.stop - gap.start for gap in gaps)
         longest = max(gaps, key=lambda gap: gap.stop - gap.start)
         span = f"{longest.start + outcome.first_frame}-{longest.stop - 1 + outcome.first_frame}"
-        share = f"{100 * samples / outcome.n_frames:.1f} %"
+        share = f"{100 * samples / (last - first + 1):.1f} %"
         rows.append([marker, str(len(gaps)), str(samples), share, str(longest.stop - longest.start), span])
     rows.sort(key=lambda row: -int(row[2]))
     return table(rows, [column(outcome.format), "gaps", "samples", "share", "longest", "at frames"])

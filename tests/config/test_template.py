@@ -66,6 +66,10 @@ def test_every_key_is_written_with_its_default_and_a_comment():
     assert max(map(len, lines)) <= 120
 
 
+def test_the_long_sections_come_last():
+    assert list(YAML(typ="safe", pure=True).load(TEXT))[-2:] == ["methods", "trust"]
+
+
 def test_other_values_survive_as_well(tmp_path):
     settings = resolve(None, {"max_left": "2%", "markers": ["L*", "no"], "unit": 56.4, "frames": "1:9"}, ["passes=2"])
     path = tmp_path / "studio.yaml"

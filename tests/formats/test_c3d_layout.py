@@ -307,7 +307,7 @@ def test_more_bytes_than_frames_are_told_and_kept(tmp_path: Path) -> None:
 
 
 def test_no_points_and_no_frames_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FormatError, match="no points, only analog"):
+    with pytest.raises(FormatError, match="The file has only analog"):
         load(tmp_path, C3D(np.zeros((9, 0, 4)), analog=np.ones((9, 4))))
     with pytest.raises(FormatError, match="must have frames"):
         load(tmp_path, C3D(np.zeros((0, 3, 4)), tail=bytes(10)))

@@ -136,7 +136,7 @@ def test_a_folder_is_checked_whole_and_never_touched(takes, tmp_path):
         (str(takes / "bad"), "2", "2"),
     ]
     failures = {case.get("name"): case.find("failure") for case in root.iter("testcase")}
-    assert "labels are swapped, 0 allowed. To do: exchange them" in failures["swap.c3d"].text
+    assert "spans with swapped labels: 1, 0 allowed. To do: exchange them" in failures["swap.c3d"].text
     assert failures["clean.c3d"] is None
 
 
@@ -161,12 +161,31 @@ def test_verbose_says_what_to_do(takes):
     assert "RFIN is missing for 10 frames" in out
 
 
+def test_the_frames_of_the_longest_inner_gap_and_of_the_worst_bone_are_told(takes, tmp_path):
+    _, out, _ = run(takes / "gaps.c3d", "--set", "check.longest_inner_gap=0.1")
+    assert "the longest inner gap is 0.333 s, of LFIN in frames 51-90, 0.1 s allowed" in out
+    take = perform("walk", 2.0, 120.0, 0).markers
+    positions = take.positions.copy()
+    positions[70, take.markers.index("C7")] += 300.0
+    c3d.create(replace(take, positions=positions), tmp_path / "step.c3d")
+    _, out, _ = run(tmp_path / "step.c3d", "--no-detect", "--set", "check.bone_deviation=100")
+    assert re.search(r"a bone is off its length by \S+ mm, .*\bC7\b.* in frame 71, 100 mm allowed", out)
+    _, out, _ = run(tmp_path / "step.c3d", "--no-detect", "--set", "check.bone_deviation=100", "--frames", "60:80")
+    assert "in frame 71" in out
+
+
+def test_lines_of_the_log_name_their_take(takes):
+    _, _, err = run(takes / "gaps.c3d", "-v")
+    assert "event=detected" in err
+    assert all("gaps.c3d" in line for line in err.splitlines())
+
+
 def test_a_file_that_cannot_be_read_fails_and_the_others_are_checked(takes, tmp_path):
     (tmp_path / "broken.c3d").write_bytes(b"no capture")
     shutil.copy(takes / "clean.c3d", tmp_path / "fine.c3d")
     code, out, err = run(tmp_path)
     assert (code, err) == (1, "")
-    assert "broken.c3d" in out.splitlines()[0]
+    assert out.splitlines()[0].count("broken.c3d") == 1
     assert out.splitlines()[1].startswith("pass")
 
 

@@ -223,7 +223,7 @@ def test_a_range_that_is_not_there_is_told_with_what_there_is(tmp_path, options,
 
 def test_a_file_without_events_says_so(tmp_path):
     outcome = repair(store(tmp_path), tmp_path / "out.c3d", resolve(None, {"events": "A:B"}))
-    assert "it has: none" in outcome.error
+    assert "--events must go with a file that has events. It has none." in outcome.error
 
 
 @given(st.one_of(st.none(), st.integers()), st.one_of(st.none(), st.integers()))
@@ -271,3 +271,5 @@ def test_the_command_says_which_frames_it_means(tmp_path):
     assert code == 0
     assert f"frames      {FIRST + 30}-70 alone; the 150 samples outside stay as they are and are not counted" in out
     assert "10 samples by linear" in out
+    _, out, _ = run("inspect", path, "--frames", f"{FIRST + 20}:{FIRST + 39}")
+    assert "20  100.0 %" in out

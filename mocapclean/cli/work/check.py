@@ -139,7 +139,7 @@ def _print_verdicts(
     with TakeBar(len(takes), quiet=settings.quiet) as bar:
         for source, result in results:
             if isinstance(result, MocapcleanError):
-                result = unchecked(source, "finished", f"{source}: {result}", "raise --timeout or --memory")
+                result = unchecked(source, "finished", str(result).removesuffix("."), "raise --timeout or --memory")
             verdicts[source] = result
             ready = list(takewhile(verdicts.__contains__, takes[n_printed:]))
             n_printed += len(ready)

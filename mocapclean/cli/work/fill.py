@@ -224,13 +224,14 @@ def _conclude(jobs: list[RepairJob], journal: Journal, settings: Settings, as_js
         with new_file(settings.report) as part:
             record.write(part, (_row(job, journal) for job in jobs), settings.as_json())
     counts: Counter[str] = Counter()
-    code = 0
+    code = n_beyond = 0
     for job in jobs:
         row = _row(job, journal)
+        n_beyond += row["status"] in ("repaired", "unchanged") and row["exit_code"] > 0
         code = max(code, row["exit_code"])
         counts[row["status"]] += 1
         if as_json and row["status"] == "skipped":
             click.echo(record.line(row))
     if len(jobs) != 1 and not settings.quiet and not as_json:
-        click.echo(totals(counts, n_earlier, settings.report if isinstance(settings.report, Path) else None))
+        click.echo(totals(counts, n_beyond, n_earlier, settings.report if isinstance(settings.report, Path) else None))
     return code

@@ -221,10 +221,10 @@ def _refuse_without_points(path: Path, header: Header) -> NoReturn:
     if n_rotations and n_rotations[0]:
         holds = f"rotations of {n_rotations[0]} segments and no points. Export the positions too."
     elif header.n_analog:
-        holds = "no points, only analog channels."
+        holds = "only analog channels."
     else:
-        holds = "no points."
-    raise FormatError(path, f"a take must have points. Got none: the file has {holds}", byte=COUNTS_BYTE)
+        holds = "none."
+    raise FormatError(path, f"a take must have points. The file has {holds}", byte=COUNTS_BYTE)
 
 
 def _analog_claims(header: Header) -> list[Claim]:
