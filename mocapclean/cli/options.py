@@ -91,14 +91,14 @@ MARKERS = click.option(
     multiple=True,
     metavar="NAME",
     shell_complete=completing.markers,
-    help="Use only these markers; wildcards allowed.",
+    help="Use only these markers; repeatable, or with commas; wildcards allowed.",
 )
 EXCLUDE = click.option(
     "--exclude",
     multiple=True,
     metavar="NAME",
     shell_complete=completing.markers,
-    help="Ignore these markers; wildcards allowed.",
+    help="Ignore these markers; repeatable, or with commas; wildcards allowed.",
 )
 
 

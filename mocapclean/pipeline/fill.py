@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -14,7 +15,7 @@ from mocapclean.dictionaries.dictionary import Dictionary
 from mocapclean.errors import UsageError
 from mocapclean.evaluation.metrics import GRADES
 from mocapclean.evaluation.self_check import SelfCheck
-from mocapclean.parameters import faults
+from mocapclean.parameters import annotations, faults
 from mocapclean.pipeline.completion import complete, facts, requested, turns
 from mocapclean.pipeline.outcome import Counts, GapReport, MethodChoice
 from mocapclean.pipeline.summary import summarise
@@ -79,7 +80,7 @@ def fill(
     fill_poor: bool = False,
     keep_contacts: bool = False,
     self_check: Literal["auto"] | bool = "auto",
-    markers: tuple[str, ...] | list[str] = (),
+    markers: str | tuple[str, ...] | list[str] = (),
     dictionary: Dictionary | None = None,
     **parameters: Any,
 ) -> FillResult:
@@ -101,7 +102,7 @@ def fill(
         fill_poor=fill_poor,
         keep_contacts=keep_contacts,
         self_check=self_check,
-        markers=tuple(markers),
+        markers=(markers,) if isinstance(markers, str) else tuple(markers),
     )
     take = _with_gaps_named(take)
     codes = detected(take)
@@ -143,8 +144,19 @@ def _settings(method: str, parameters: Mapping[str, Any], **options: Any) -> Set
     settings = Settings(**options).but(method=method)
     if method == "auto":
         return settings
+    _refuse_unknown(method, parameters, options)
     _refuse(faults(SOLVERS[method].Params, parameters), f"the parameters of {method}")
     return settings.but(methods=Methods({method: SOLVERS[method].Params(**parameters)}))
+
+
+def _refuse_unknown(method: str, parameters: Mapping[str, Any], options: Mapping[str, Any]) -> None:
+    """Raise UsageError for a keyword that is neither an option of ``fill`` nor a parameter of the method."""
+    known = annotations(SOLVERS[method].Params)
+    for name in parameters:
+        if name not in known:
+            similar = get_close_matches(name, [*options, *known], n=1)
+            hint = f" Did you mean {similar[0]!r}?" if similar else ""
+            raise UsageError(f"{name!r} is neither an option of fill nor a parameter of {method}.{hint}")
 
 
 def _refuse(refused: list[tuple[str, str, Any]], what: str) -> None:

@@ -87,6 +87,8 @@ def prepare(source: Path, settings: Settings) -> Prepared:
     """
     progress.stage("reading")
     whole = read_take(source, settings)
+    for pattern in settings.markers:
+        matching(pattern, whole, "--markers")
     frames = chosen_frames(whole, settings)
     excluded = np.zeros(len(whole.markers), dtype=bool)
     for pattern in settings.exclude:

@@ -38,7 +38,7 @@ _TRACK = "#eceff3"
 def require_matplotlib() -> None:
     """Raise UsageError unless matplotlib is installed."""
     if importlib.util.find_spec("matplotlib") is None:
-        raise UsageError("a figure needs matplotlib. Install mocapclean with its extra: plots.")
+        raise UsageError("a figure needs matplotlib. Run pip install '.[plots]' in the clone of mocapclean.")
 
 
 def save(figure: "Figure", path: Path) -> None:

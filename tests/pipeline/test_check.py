@@ -174,6 +174,13 @@ def test_the_frames_of_the_longest_inner_gap_and_of_the_worst_bone_are_told(take
     assert "in frame 71" in out
 
 
+@pytest.mark.parametrize("command", ["check", "inspect", "fill"])
+def test_markers_that_the_take_lacks_are_refused(takes, command):
+    code, out, err = commands.run(command, takes / "clean.c3d", "--markers", "NO*")
+    assert code > 0
+    assert "--markers must name markers of the take. Got 'NO*'" in out + err
+
+
 def test_lines_of_the_log_name_their_take(takes):
     _, _, err = run(takes / "gaps.c3d", "-v")
     assert "event=detected" in err

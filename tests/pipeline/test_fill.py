@@ -99,6 +99,13 @@ def test_samples_that_the_caller_distrusts_are_missing_and_those_of_a_rule_are_r
     assert (status[30:40, column] == Status.FILLED).all()
 
 
+def test_one_marker_needs_no_list():
+    take = mocapclean.detect(mocapclean.read(SAMPLES / "walk.c3d"))
+    one, listed = (mocapclean.fill(take, "linear", markers=markers, self_check=False) for markers in ("LF*", ["LF*"]))
+    assert one.counts == listed.counts
+    assert 0 < one.counts.filled < one.counts.untrusted
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -107,6 +114,10 @@ def test_samples_that_the_caller_distrusts_are_missing_and_those_of_a_rule_are_r
         ({"method": "svt", "tolerance": -1.0}, "the parameters of svt must be valid. tolerance"),
         ({"max_gap": 0}, "the options of fill must be valid. max_gap"),
         ({"markers": ["NOBODY"]}, "markers must name markers of the take"),
+        (
+            {"method": "spline", "max_gp": 3},
+            "nor a parameter of spline. Did you mean 'max_gap'?",
+        ),
         ({"method": "linear", "max_error": 3.0}, "max_error must go with a method that gives error bars"),
     ],
 )

@@ -50,7 +50,7 @@ def require_library() -> None:
     """Raise UsageError unless the packages of the extra ``html`` are installed."""
     missing = [name for name in ("jinja2", "bokeh") if importlib.util.find_spec(name) is None]
     if missing:
-        raise UsageError(f"a page needs {' and '.join(missing)}. Install mocapclean with its extra: html.")
+        raise UsageError(f"a page needs {' and '.join(missing)}. Run pip install '.[html]' in the clone of mocapclean.")
 
 
 def write_page(path: Path, takes: Iterable[PageTake], *, embed: bool) -> None:
