@@ -20,7 +20,7 @@ from mocapclean.formats.alike import MOST_DIGITS, frames_alike
 from mocapclean.formats.asf import Asf, columns
 from mocapclean.formats.declarations import AMC_RATE, ASF_SUFFIX
 from mocapclean.formats.poses import PoseDocument
-from mocapclean.formats.skeleton_files import find_skeleton
+from mocapclean.formats.skeleton_files import find_skeleton, is_named_for
 from mocapclean.formats.text import BYTE_ORDER_MARK, blank, decode, load, numbers, positive, quick_table, quote
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.take import Finding, Origin, ReadOptions, Take
@@ -71,8 +71,18 @@ def read(path: Path, options: ReadOptions) -> Take:
                 message=f"an AMC file has no frame rate; it is taken as {rate:g} Hz",
                 advice="" if options.rate else "give the rate (--rate) if it is another",
             ),
+            *([] if options.skeleton or is_named_for(asf_path, path) else [_guessed_skeleton(asf_path)]),
         ),
         origin=Origin(path=path, format="amc", options=options, document=document),
+    )
+
+
+def _guessed_skeleton(asf_path: Path) -> Finding:
+    """Return the finding that a take has the skeleton of another name, which is the only one in its folder."""
+    return Finding(
+        rule="skeleton",
+        message=f"no .asf has the name of the take; {asf_path.name} is taken, the only one in the folder",
+        advice="give the skeleton (--skeleton) if it is another subject's",
     )
 
 

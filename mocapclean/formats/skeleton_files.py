@@ -15,14 +15,24 @@ def find_skeleton(path: Path, suffix: str) -> Path:
         skeletons = {p.stem.lower(): p for p in sorted(path.parent.iterdir()) if p.suffix.lower() == suffix}
     except OSError as error:
         raise FormatError(path, f"its folder must be readable. Got {error.strerror}.") from error
-    stem = path.stem.lower()
-    while stem not in skeletons and "_" in stem:
-        stem = stem.rpartition("_")[0]
-    if stem in skeletons:
-        return skeletons[stem]
+    for stem in _stems(path):
+        if stem in skeletons:
+            return skeletons[stem]
     if len(skeletons) == 1:
         return next(iter(skeletons.values()))
-    raise FormatError(path, f"the skeleton ({suffix}) must lie beside it. Got {len(skeletons)} others; give it.")
+    message = f"the skeleton ({suffix}) must lie beside it. Got {len(skeletons)} others; name it with --skeleton."
+    raise FormatError(path, message)
+
+
+def is_named_for(skeleton: Path, path: Path) -> bool:
+    """Whether the name of a skeleton file is that of a take, or of a take less one or more ``_`` parts at the end."""
+    return skeleton.stem.lower() in _stems(path)
+
+
+def _stems(path: Path) -> list[str]:
+    """Return the names that the skeleton file of a take may have, in lower case without suffix, the longest first."""
+    parts = path.stem.lower().split("_")
+    return ["_".join(parts[:number]) for number in range(len(parts), 0, -1)]
 
 
 def new_skeleton_path(path: Path, suffix: str) -> Path:

@@ -11,7 +11,7 @@ from mocapclean.arrays import Bools, Ints, column_runs
 from mocapclean.config.settings import Settings
 from mocapclean.detection import detect
 from mocapclean.detection.spans import distrust, read_spans
-from mocapclean.errors import UsageError
+from mocapclean.errors import FormatError, UsageError
 from mocapclean.pipeline.frame_range import chosen_frames
 from mocapclean.take import Take
 from mocapclean.take.bones import check_names
@@ -140,6 +140,8 @@ def _without(found: Take, before: Take, excluded: Bools) -> Take:
 
 def read_take(source: Path, settings: Settings) -> Take:
     """Return the take with the skeleton and the extra points that the settings name."""
+    if not source.exists():
+        raise FormatError(source, "the file must exist. It does not.")
     own_skeleton = formats.needs_skeleton(source, settings.format)
     options: dict[str, Any] = {"rate": settings.rate, "unit": settings.unit_mm, "format": settings.format}
     if own_skeleton:

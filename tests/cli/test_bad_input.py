@@ -62,7 +62,7 @@ def test_wrong_usage_exits_2_and_writes_nothing(folder, what, arguments, message
 BAD_FILES = [
     ("empty.c3d", b"", "is empty"),
     ("text.c3d", b"marker,x,y,z\nLASI,1,2,3\n" * 50, "not C3D"),
-    ("none.c3d", None, "cannot be read: No such file"),
+    ("none.c3d", None, "none.c3d: the file must exist. It does not."),
     ("take.xyz", b"1", "must end in one of .c3d"),
     ("walk.asf", (SAMPLES / "walk.asf").read_bytes(), "a skeleton, not a take"),
     ("lonely.amc", (SAMPLES / "walk_01.amc").read_bytes(), ".asf"),

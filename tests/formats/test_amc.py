@@ -288,6 +288,9 @@ def test_skeleton_is_found_beside_the_file(tmp_path: Path) -> None:
     for name in ("05_13.asf", "05.ASF", "anything.asf"):
         asf = asf.rename(tmp_path / name)
         assert find_skeleton(path, ".asf") == asf
+        told = [finding.message for finding in load(path).findings if finding.rule == "skeleton"]
+        guessed = "no .asf has the name of the take; anything.asf is taken, the only one in the folder"
+        assert told == ([guessed] if name == "anything.asf" else [])
     (tmp_path / "other.asf").write_bytes(ASF)
     with pytest.raises(FormatError, match=r"skeleton \(\.asf\) must lie beside it\. Got 2 others"):
         load(path)
