@@ -108,7 +108,7 @@ class TakeLimits(MarkerLimits):
     """Limits of ``mocapclean check`` for a take. A limit of None is not checked."""
 
     preset: Literal[tuple(PRESETS)] | None = None  # type: ignore[valid-type]
-    """Limits for a purpose, in the place of those that are not set."""
+    """Limits for a purpose, in the place of those that are left out here; a key with null takes a limit away."""
     longest_gap: AtLeastOne | None = None
     """Frames that a marker may be missing in a row."""
     longest_inner_gap: Positive | None = None
