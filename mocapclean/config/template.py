@@ -3,6 +3,7 @@
 Both are made of the declarations of the settings: their types, their defaults, and the text at each field.
 """
 
+import json
 import textwrap
 from collections.abc import Mapping
 from io import StringIO
@@ -11,8 +12,9 @@ from typing import Any
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
+from mocapclean.config.presets import PRESETS
 from mocapclean.config.sections import Sections
-from mocapclean.config.settings import Settings
+from mocapclean.config.settings import Settings, TakeLimits
 from mocapclean.json_values import plain
 from mocapclean.parameters import checker
 
@@ -30,12 +32,13 @@ def schema() -> dict[str, Any]:
 def as_yaml(settings: Settings) -> str:
     """Return settings as YAML with a comment at every key; all keys are there, also those of unused methods.
 
-    The parameters of methods and of trust rules, which are most of it, come last.
+    The parameters of methods and of trust rules, which are most of it, come last. Limits of a check that a preset sets
+    are comments while they have their defaults, because a limit that is written comes before the preset.
     """
     by_size = sorted(settings, key=lambda named: isinstance(named[1], Sections))
     values = {name: plain(value) for name, value in by_size}
     document = schema()
-    tree = _commented(values, document, document.get("$defs", {}), 0)
+    tree = _commented(values, document, document.get("$defs", {}), 0, {"check": _open_limits(settings.check)})
     tree.yaml_set_start_comment("A configuration of mocapclean with every key. A key that is left out has its default.")
     yaml = YAML()
     yaml.width = _WIDTH
@@ -45,21 +48,43 @@ def as_yaml(settings: Settings) -> str:
     return text.getvalue()
 
 
-def _commented(values: Mapping[str, Any], section: Mapping[str, Any], shared: Mapping[str, Any], depth: int) -> Any:
+def _open_limits(limits: TakeLimits) -> frozenset[str]:
+    """Return the names of the limits that are left to a preset: those with their defaults, where none is chosen."""
+    if limits.preset is not None:
+        return frozenset()
+    default = TakeLimits()
+    names = {name for preset in PRESETS.values() for name in preset}
+    return frozenset(name for name in names if getattr(limits, name) == getattr(default, name))
+
+
+def _commented(
+    values: Mapping[str, Any],
+    section: Mapping[str, Any],
+    shared: Mapping[str, Any],
+    depth: int,
+    open_keys: Mapping[str, frozenset[str]],
+    left_open: frozenset[str] = frozenset(),
+) -> Any:
     """Return the values of a section with a comment before each key.
 
-    section: its JSON Schema. shared: the definitions that it refers to. depth: of the section in others.
+    section: its JSON Schema. shared: the definitions that it refers to. depth: of the section in others. open_keys: by
+    section, its keys that are written as comments. left_open: those of this section.
     """
     tree, indent = CommentedMap(), _INDENT * depth
+    waiting: list[str] = []
     for name, value in values.items():
         part = section["properties"][name]
         inner = shared[part["$ref"].rpartition("/")[2]] if "$ref" in part else part
+        lines = textwrap.wrap(_meaning({**inner, **part}), _WIDTH - indent - len("# "))
+        if name in left_open:
+            waiting += [*lines, f"{name}: {json.dumps(value)}"]
+            continue
         if "properties" in inner and value is not None:
-            tree[name] = _commented(value, inner, shared, depth + 1)
+            tree[name] = _commented(value, inner, shared, depth + 1, open_keys, open_keys.get(name, frozenset()))
         else:
             tree[name] = _inline(value)
-        lines = textwrap.wrap(_meaning({**inner, **part}), _WIDTH - indent - len("# "))
-        tree.yaml_set_comment_before_after_key(name, before="\n".join(lines), indent=indent)
+        tree.yaml_set_comment_before_after_key(name, before="\n".join([*waiting, *lines]), indent=indent)
+        waiting = []
     return tree
 
 
