@@ -376,7 +376,7 @@ def test_a_missing_library_is_named_before_anything_is_done(tmp_path, monkeypatc
     options = ["-o", tmp_path / "page.html"] if command == "report" else ["--html", tmp_path / "page.html"]
     code, _, error = run(command, tmp_path / ("report.json" if command == "report" else "a.c3d"), *options)
     assert code == 2
-    assert "extra: html" in error
+    assert "pip install '.[html]'" in error
     assert not (tmp_path / "page.html").exists()
 
 
