@@ -41,6 +41,11 @@ from mocapclean.solvers.running import run_method
 from mocapclean.take import Take
 
 _METHOD = "kriging"
+
+_MOTION = 1e9
+"""s, ``motion`` of the method: never. In 24 classes of lost joints and limbs of four takes of ``mocapclean bench
+skeletons`` the error with the motion of other joints was 1.5 % more, in the median of the classes that differ.
+"""
 _MM_PER_DEGREE = 5.0
 """Millimetres that stand for a degree, for a method whose limits are millimetres: the arc at 0.29 m, a forearm."""
 _FARTHEST = 150.0
@@ -189,7 +194,7 @@ class _Charts:
 
     def _solved(self, take: Take, wanted: Bools) -> tuple[Floats, Floats]:
         """Return the method's rotations (F, n, 4) and sd (F, n), degrees, NaN where it has no answer."""
-        solution = run_method(_METHOD, take, SOLVERS[_METHOD].Params(), wanted=wanted)
+        solution = run_method(_METHOD, take, SOLVERS[_METHOD].Params(motion=_MOTION), wanted=wanted)
         vectors = np.where(solution.filled[..., None], solution.positions / _MM_PER_DEGREE, self.vectors)
         rotations = times(self.references[None], from_vectors(vectors))
         assert solution.sd is not None
@@ -259,7 +264,7 @@ def _translations(motion: JointMotion, names: tuple[str, ...], rate: float, want
         rate=rate,
         detached=np.ones(len(joints), dtype=bool),
     )
-    solution = run_method(_METHOD, take, SOLVERS[_METHOD].Params(), wanted=wanted[:, joints])
+    solution = run_method(_METHOD, take, SOLVERS[_METHOD].Params(motion=_MOTION), wanted=wanted[:, joints])
     assert solution.sd is not None
     done = wanted[:, joints] & solution.filled
     part = translations[:, joints]

@@ -5,12 +5,12 @@ aligned with those of k's most rigid neighbours that are known in the whole gap;
 
     y_t = μ + aᵗW + g(t) + ε      W a ridge regression, g a Matérn process bridged over the gap
 
-Six such predictors, in long gaps seven, differ in the frame (turning, only shifting, on the circle of a joint between
-two markers at known distances) and in the features a (few or many neighbours, with or without the nearness to poses and
-their displacements over 1/20 s). They are combined with weights w ≥ 0, Σ w = 1, that minimise the mean square error on
-windows. A window is a stretch as long as the gap in which k is known; it is held out and predicted as the gap is. The
-same errors give the standard deviation of every filled sample: their size, the variance of g over the gap, and how much
-more the predictors disagree in the gap than in windows.
+Six such predictors, and seven in gaps of at least ``motion``, differ in the frame (turning, only shifting, on the
+circle of a joint between two markers at known distances) and in the features a (few or many neighbours, with or without
+the nearness to poses and their displacements over 1/20 s). They are combined with weights w ≥ 0, Σ w = 1, that minimise
+the mean square error on windows. A window is a stretch as long as the gap in which k is known; it is held out and
+predicted as the gap is. The same errors give the standard deviation of every filled sample: their size, the variance of
+g over the gap, and how much more the predictors disagree in the gap than in windows.
 
 Two more predictors use the marker's own path alone: it stays, or moves on as it did. A gap is predicted from them where
 they err clearly less on windows that resemble the gap (``gap_segment``).
@@ -73,6 +73,11 @@ class Params:
         float, Field(ge=0, lt=1), About(symbol="c", text="share taken off the covariances of the predictors' errors")
     ] = 0.3
     passes: Annotated[int, Field(ge=1), About(symbol="p", text="most passes, where gaps learn from filled samples")] = 4
+    motion: Annotated[
+        float,
+        Field(ge=0),
+        About(symbol="m", unit="s", text="length of a gap from which the motion of neighbours predicts it"),
+    ] = 0.25
     bone_spread: Annotated[
         float, Field(ge=0), About(symbol="b", unit="mm", text="largest SD of a distance that counts as a bone's length")
     ] = 0.05

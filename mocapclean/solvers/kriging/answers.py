@@ -82,7 +82,11 @@ def _planned(segments: Sequence[GapSegment], resembling: bool) -> list[_Planned]
             segment,
             plan,
             PlanBridges(plan, state.bridge_weights),
-            applicable(len(segment.neighbours), bool(segment.hinge_ends), len(plan.gap) / state.rate),
+            applicable(
+                len(segment.neighbours),
+                bool(segment.hinge_ends),
+                is_long=len(plan.gap) >= state.params.motion * state.rate,
+            ),
         )
         for segment, plan in zip(segments, plans, strict=True)
     ]

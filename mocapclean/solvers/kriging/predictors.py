@@ -48,22 +48,16 @@ error in clusters, at ends and in 30 frames was 3.0 % less there, and 2.0 % less
 the predictors of all segments it was at least 0.7 % more.
 """
 
-LONG_SEGMENT = 0.25
-"""s, length of a segment from which displacements of neighbours are features; chosen by hand.
 
-In shorter ones the samples beside the gap show the motion.
-"""
-
-
-def applicable(n_neighbours: int, has_hinge: bool, seconds: float) -> list[Predictor]:
-    """Return the predictors that differ with so many neighbours, and that these and the segment's length allow.
+def applicable(n_neighbours: int, has_hinge: bool, *, is_long: bool) -> list[Predictor]:
+    """Return the predictors that differ with so many neighbours, and that these and a long or short segment allow.
 
     With few neighbours ``n_framing`` and ``n_features`` are limited, which can make predictors equal. A frame that
     turns needs three neighbours. A hinged frame needs two ends among them.
     """
     if not n_neighbours:
         return []
-    every = PREDICTORS + (IN_LONG_SEGMENTS if seconds >= LONG_SEGMENT else IN_SHORT_SEGMENTS)
+    every = PREDICTORS + (IN_LONG_SEGMENTS if is_long else IN_SHORT_SEGMENTS)
     usable = [p for p in every if (p.n_framing == 0 or n_neighbours >= 3) and (has_hinge or not p.hinged)]
     distinct: dict[Predictor, Predictor] = {}
     for p in usable:
