@@ -91,7 +91,7 @@ MARKERS = click.option(
     multiple=True,
     metavar="NAME",
     shell_complete=completing.markers,
-    help="Use only these markers; repeatable, or with commas; wildcards allowed.",
+    help="Repair or convert only these markers; repeatable, or with commas; wildcards allowed.",
 )
 EXCLUDE = click.option(
     "--exclude",
