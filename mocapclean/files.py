@@ -70,6 +70,8 @@ def new_file(path: Path) -> Iterator[Path]:
 
 def _not_written(path: Path, fault: OSError, part: Path) -> FormatError:
     """Return the error of a file that cannot be written, with what is peculiar to Windows."""
+    if isinstance(fault, FileNotFoundError) and not path.parent.is_dir():
+        return FormatError(path, "cannot be written: its folder does not exist. Make it, or choose another one.")
     advice = ""
     if _on_windows and isinstance(fault, PermissionError):
         advice = " Close the program that has it open."

@@ -202,7 +202,7 @@ def test_the_output_folder_is_removed_in_the_middle(hanging):
     until(lambda: "b.c3d" in outputs())
     shutil.rmtree("clean")
     err = end(process, 1, hanging / HANGS)
-    assert "z.c3d: cannot be written: No such file or directory" in err
+    assert "z.c3d: cannot be written: its folder does not exist" in err
     rows = statuses()
     assert (rows[HANGS], rows["z.c3d"]) == ("failed", "failed")
     assert len(rows) == len(NAMES) + 1

@@ -10,7 +10,7 @@ method, the filled rotation is
 The plain path lies between the straight turn over the gap (slerp) and the cubic h that meets the velocities of both
 sides: s₀ exp(c log(s₀⁻¹ h)) with the c that errs least on stretches of this length in this very take. σₛ is its error
 there; it grows from the ends of a gap to its middle as a parabola, and at an end of the take with the frames since the
-last known one (``plain_path``).
+last known one.
 σₖ is the method's own error bar, times a factor from windows: copies of the gaps, hidden where the joints are known,
 are filled as the gaps are. So a joint that turns plainly, an answer that is not sure, and the ends of a gap stay near
 the plain path.

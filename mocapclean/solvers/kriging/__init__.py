@@ -13,13 +13,13 @@ predicted as the gap is. The same errors give the standard deviation of every fi
 g over the gap, and how much more the predictors disagree in the gap than in windows.
 
 Two more predictors use the marker's own path alone: it stays, or moves on as it did. A gap is predicted from them where
-they err clearly less on windows that resemble the gap (``gap_segment``).
+they err clearly less on windows that resemble the gap.
 
 Near neighbours at a nearly constant distance from k weigh most. Gaps of up to 1/24 s are bridged over time first, and
 then count as known. A gap whose neighbours come and go is filled in segments, which are joined by kriging of their
-errors (``joining``). Where most frames lack neighbours, later passes learn from the samples that earlier ones filled.
+errors. Where most frames lack neighbours, later passes learn from the samples that earlier ones filled.
 Filled samples are moved so that the bones of a skeleton, and pairs of markers that prove rigid, keep their lengths.
-Nearly rigid pairs stay within the distances that the take shows (``distance_limits``).
+Nearly rigid pairs stay within the distances that the take shows.
 
 Our own method. Its parts: N. Cressie, 1993, doi:10.1002/9781119115151 (regression kriging); W. Kabsch, 1976,
 doi:10.1107/S0567739476001873 (frames); L. Breiman, 1996, doi:10.1007/BF00117832 (stacking).
