@@ -22,8 +22,8 @@ from mocapclean.take import Event, ReadOptions, Take
 
 FORMATS: Modules[Format] = Modules(__name__, DECLARATIONS)
 
-SNIFFED_BYTES = 4096
-"""Bytes of a file that ``sniff`` is given: enough for the titles of the first columns of a table."""
+SNIFFED_BYTES = 1 << 16
+"""Bytes of a file that ``sniff`` is given: enough for a line of some thousand names and the titles below it."""
 
 
 def suffixes() -> tuple[str, ...]:

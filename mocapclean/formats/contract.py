@@ -58,7 +58,7 @@ class Format(Protocol):
     """
 
     def sniff(self, head: bytes) -> bool:
-        """Whether the first 4096 bytes of a file can begin a file of this format."""
+        """Whether the first bytes of a file can begin a file of this format."""
 
     def read(self, path: Path, options: ReadOptions) -> Take:
         """Return the take of a file, its document kept in ``Take.origin``.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mocapclean.arrays import Ints
-from mocapclean.errors import FormatError
+from mocapclean.errors import FormatError, UsageError
 from mocapclean.formats.c3d.point_kinds import Kind
 from mocapclean.formats.c3d.points import MILLIMETRES
 from mocapclean.formats.tables.creating import create_table
@@ -85,7 +85,12 @@ def read(path: Path, options: ReadOptions) -> Take:
 
 
 def create(take: Take, path: Path) -> None:
-    """Write a new table with the columns frame, time and, in millimetres, NAME_X, NAME_Y, NAME_Z of each marker."""
+    """Write a new table with the columns frame, time and, in millimetres, NAME_X, NAME_Y, NAME_Z of each marker.
+
+    Raises UsageError for a take of one frame, because the times of a plain table tell its rate.
+    """
+    if len(take) == 1:
+        raise UsageError("a plain table tells the rate by its times, and must have two frames or more. Got 1.")
     titles = [f"{name}_{axis} (mm)" for name in take.markers for axis in "XYZ"]
     create_table(
         take,
@@ -169,7 +174,7 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
     time = next(iter(times), None)
     is_milliseconds = time is not None and MILLISECONDS.fullmatch(times[time]["unit"] or b"") is not None
     places = np.array(titles.places)
-    factor, finding = _unit(path, text.lines[first_row : first_row + SEEN_ROWS], places, titles.unit, options)
+    factor, finding = _unit(path, text.lines, first_row, places, titles.unit, options)
     return Header(
         names=titles.names,
         places=places,
@@ -190,7 +195,7 @@ def _is_quantity(name: bytes, titles: Sequence[bytes]) -> bool:
 
 
 def _unit(
-    path: Path, rows: Sequence[bytes], places: Ints, stated: bytes, options: ReadOptions
+    path: Path, lines: Sequence[bytes], first_row: int, places: Ints, stated: bytes, options: ReadOptions
 ) -> tuple[float, Finding]:
     """Return the millimetres of a unit of length, and the finding that tells why.
 
@@ -206,22 +211,23 @@ def _unit(
         return options.unit, Finding(rule="units", level=level, message=message)
     if known is not None:
         return known, Finding(rule="units", message=f"a unit of length is {known:g} mm, as the titles state")
-    size = _size(path, rows, places)
+    size = _size(path, lines, first_row, places)
     factor, why = (METRE, f"the markers are {size:.3g} apart") if size < SMALLEST_BODY else (1.0, "as most tables have")
     message = f"the table states no unit of length; {factor:g} mm is assumed ({why})"
     advice = "compare a known distance, or give the unit (--unit)"
     return factor, Finding(rule="units", level="warning", message=message, advice=advice)
 
 
-def _size(path: Path, rows: Sequence[bytes], places: Ints) -> float:
+def _size(path: Path, lines: Sequence[bytes], first_row: int, places: Ints) -> float:
     """Return the median over some rows of the largest range of a coordinate, infinity if no row has two points."""
+    rows = lines[first_row : first_row + SEEN_ROWS]
     delimiter = delimiter_of(rows[0]) if rows else None
-    found = [raw_cells(row, delimiter) for row in rows]
-    wide = [[row[place] for place in places.ravel()] for row in found if len(row) > places.max()]
+    found = {number: raw_cells(row, delimiter) for number, row in enumerate(rows, start=first_row + 1)}
+    wide = {n: [row[place] for place in places.ravel()] for n, row in found.items() if len(row) > places.max()}
     if delimiter != b",":
-        wide = [[cell.replace(b",", b".") for cell in row] for row in wide]
+        wide = {n: [cell.replace(b",", b".") for cell in row] for n, row in wide.items()}
     ranges = []
-    for points in numbers(path, wide, [0] * len(wide)).reshape(-1, *places.shape):
+    for points in numbers(path, list(wide.values()), list(wide)).reshape(-1, *places.shape):
         seen = points[np.isfinite(points).all(axis=1) & (points != 0).any(axis=1)]
         if len(seen) > 1:
             ranges.append(np.ptp(seen, axis=0).max())

@@ -13,7 +13,7 @@ import numpy as np
 
 from mocapclean.errors import FormatError
 from mocapclean.formats.c3d.point_kinds import Kind
-from mocapclean.formats.tables.creating import create_table
+from mocapclean.formats.tables.creating import create_table, name_of
 from mocapclean.formats.tables.document import AXES, outdated, prove, write
 from mocapclean.formats.tables.lines import Lines, cells, delimiter_of, first_lines, is_blank, load_lines
 from mocapclean.formats.tables.reading import Header, read_table, stated_unit
@@ -57,7 +57,7 @@ def create(take: Take, path: Path) -> None:
         return [text for text in texts for _ in range(AXES)]
 
     header = (
-        f"{FIRST_WORD.decode()},1.23,Take Name,{path.stem.replace(',', ' ')},Capture Frame Rate,{rate},"
+        f"{FIRST_WORD.decode()},1.23,Take Name,{name_of(take)},Capture Frame Rate,{rate},"
         f"Export Frame Rate,{rate},Capture Start Frame,{take.first_frame},Total Frames in Take,{n_frames},"
         f"Total Exported Frames,{n_frames},Rotation Type,Quaternion,Length Units,Millimeters,Coordinate Space,Global",
         "",

@@ -14,7 +14,7 @@ import numpy as np
 from mocapclean.errors import FormatError
 from mocapclean.formats.tables.creating import create_table
 from mocapclean.formats.tables.document import AXES, events, outdated, prove, write
-from mocapclean.formats.tables.lines import Lines, cells, delimiter_of, first_lines, load_lines
+from mocapclean.formats.tables.lines import Lines, cells, delimiter_of, first_lines, load_lines, names_of
 from mocapclean.formats.tables.reading import Header, read_table, stated_unit
 from mocapclean.take import Event, ReadOptions, Take
 
@@ -108,7 +108,8 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
 def _events(lines: Sequence[bytes], rate: float, first_row: int) -> tuple[Event, ...]:
     """Return the events of a section of them, in the order of their times; frame 1 of the trial is at time 0."""
     start = next((i for i, line in enumerate(lines) if _title(line) == EVENTS), len(lines))
-    rows = [cells(line, b",") for line in lines[start + NAMES :]]
+    titles = lines[start + NAMES : start + AXES_LINE]
+    rows = [cells(line, delimiter_of(titles[0])) for line in lines[start + NAMES :]] if titles else []
     if not rows or b"Time (s)" not in rows[0]:
         return ()
     first = cells(lines[first_row], delimiter_of(lines[first_row]))[:1]
@@ -118,7 +119,8 @@ def _events(lines: Sequence[bytes], rate: float, first_row: int) -> tuple[Event,
     for row in rows[1:]:
         if not any(row):
             break
-        values = {name: row[at].decode("latin-1") if at < len(row) else "" for name, at in columns.items()}
+        texts = [row[at] if at < len(row) else b"" for at in columns.values()]
+        values = dict(zip(columns, names_of(texts), strict=True))
         seconds = _number(values[b"Time (s)"])
         frame = seconds * rate + 1 - first_frame
         if math.isfinite(frame):
@@ -132,9 +134,9 @@ def _title(line: bytes) -> bytes:
 
 
 def _number(text: str | bytes) -> float:
-    """Return a number, NaN for any other text."""
+    """Return a number with a decimal point or comma, NaN for any other text."""
     try:
-        return float(text)
+        return float(text.replace(",", ".") if isinstance(text, str) else text.replace(b",", b"."))
     except ValueError:
         return math.nan
 

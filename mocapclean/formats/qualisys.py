@@ -17,7 +17,7 @@ from mocapclean.arrays import Ints
 from mocapclean.errors import FormatError
 from mocapclean.formats.tables.creating import create_table
 from mocapclean.formats.tables.document import AXES, events, outdated, prove, write
-from mocapclean.formats.tables.lines import Lines, cells, first_lines, load_lines
+from mocapclean.formats.tables.lines import Lines, cells, first_lines, load_lines, names_of
 from mocapclean.formats.tables.numbers import is_missing_cell, is_number
 from mocapclean.formats.tables.reading import Header, read_table
 from mocapclean.formats.text import quote
@@ -171,7 +171,7 @@ def _events(lines: Sequence[bytes], first_frame: float) -> tuple[Event, ...]:
         word, *values = cells(line, TAB)
         if word == b"EVENT" and len(values) > 1 and is_number(values[1]):
             frame = float(values[1].replace(b",", b".")) - first_frame
-            found.append(Event(label=values[0].decode("latin-1"), context="", frame=frame))
+            found.append(Event(label=names_of(values[:1])[0], context="", frame=frame))
     return tuple(sorted(found, key=lambda event: event.frame))
 
 

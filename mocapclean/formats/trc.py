@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mocapclean.errors import FormatError
-from mocapclean.formats.tables.creating import create_table
+from mocapclean.formats.tables.creating import create_table, name_of
 from mocapclean.formats.tables.document import AXES, outdated, prove, write
 from mocapclean.formats.tables.lines import Lines, cells, delimiter_of, first_lines, is_blank, load_lines
 from mocapclean.formats.tables.reading import Header, read_table, stated_unit
@@ -47,7 +47,7 @@ def create(take: Take, path: Path) -> None:
     n_frames, n_markers = take.trusted.shape
     rate = repr(float(take.rate))
     header = (
-        f"{FIRST_WORD.decode()}\t4\t(X/Y/Z)\t{path.name}",
+        f"{FIRST_WORD.decode()}\t4\t(X/Y/Z)\t{name_of(take)}.trc",
         "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\tOrigDataStartFrame\tOrigNumFrames",
         f"{rate}\t{rate}\t{n_frames}\t{n_markers}\tmm\t{rate}\t{take.first_frame}\t{n_frames}",
         "Frame#\tTime\t" + "\t\t\t".join(take.markers) + "\t\t",
@@ -68,7 +68,7 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
         raise FormatError(
             path, "the names of the markers must follow 'Frame#' and 'Time'. Got no such line.", line=at + 1
         )
-    names = [name for name in cells(lines[at], delimiter_of(lines[at]))[LEADING:] if name]
+    names = _names(cells(lines[at], delimiter_of(lines[at]))[LEADING:])
     if not names:
         raise FormatError(path, "a take must have markers. Got no name behind 'Time'.", line=at + 1)
     first_row = at + 1
@@ -89,6 +89,18 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
         n_frames=_count(path, facts, "NumFrames"),
         findings=(*unit_findings, *rate_findings, *_check_markers(path, facts, names, lines[first_row:])),
     )
+
+
+def _names(titles: Sequence[bytes]) -> list[bytes]:
+    """Return the names of the markers; b"" for one without a name, which the places of the others show.
+
+    A name is above the first of three columns. In files whose names follow each other otherwise, all are named.
+    """
+    names = [title for title in titles if title]
+    above = list(titles[::AXES])
+    while above and not above[-1]:
+        above.pop()
+    return above if [name for name in above if name] == names else names
 
 
 def _facts(path: Path, lines: Sequence[bytes]) -> dict[str, bytes]:

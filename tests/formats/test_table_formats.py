@@ -237,7 +237,8 @@ REFUSED = {
     "no frames": (b"".join(texts.trc().splitlines(keepends=True)[:6]), "take.trc", r"a take must have frames"),
     "no names": (b"PathFileType\t4\n" + b"DataRate\n" * 5, "take.trc", r"line 4: the names of the markers must follow"),
     "count": (texts.trc().replace(b"\t6\tmm", b"\tsix\tmm"), "take.trc", r"NumMarkers must be a whole number"),
-    "few names": (texts.trc().replace(b"LANK\t\t\t", b"\t\t\t"), "take.trc", r"5 names above 18 coordinates"),
+    "few names": (texts.trc().replace(b"\tC7", b"\t"), "take.trc", r"5 names above 18 coordinates"),
+    "word in a plain table": (texts.plain().replace(b"0.0900,", b"0.0900,x"), "take.csv", r"line 11: a cell must be"),
     "no rate": (texts.trc().replace(b"100.00", b"0").replace(b"\t0.", b"\t-0."), "take.trc", r"give it with --rate"),
     "other content": (b"HIERARCHY\n", "take.trc", r"the content is not TRC"),
     "binary": (b"PathFileType\t4\0", "take.trc", r"the content is not TRC"),
@@ -291,6 +292,62 @@ def test_samples_can_be_left_out_at_the_end_of_a_row(saved, tmp_path):
     assert (tmp_path / "same.trc").read_bytes() == path.read_bytes()
     mocapclean.write(filled(take), tmp_path / "out.trc")
     assert (tmp_path / "out.trc").read_bytes().splitlines()[20].endswith(b"\t123.45640\t-7.00000\t1000.00000")
+
+
+def test_samples_that_are_left_out_are_marked_by_blanks(saved, tmp_path):
+    lines = texts.trc().splitlines(keepends=True)
+    lines[8] = lines[8].rsplit(b"\t", 3)[0] + b"\n"
+    take = mocapclean.read(saved(b"".join(lines), "take.trc"))
+    trusted = take.trusted.copy()
+    trusted[20, 1] = False
+    mocapclean.write(dataclasses.replace(take, trusted=trusted), tmp_path / "out.trc", invalidate=True)
+    assert b"\t\t\t\t" in (tmp_path / "out.trc").read_bytes().splitlines()[26]
+
+
+def test_a_point_without_a_name_leaves_the_names_of_the_others(saved):
+    lines = texts.trc().replace(b"LKNE", b"").splitlines(keepends=True)
+    lines[6] = lines[6].rsplit(b"\t", 3)[0] + b"\t\t\t\n"  # the last marker is missing in the first frame
+    take = mocapclean.read(saved(b"".join(lines), "take.trc"))
+    assert take.markers == ("LANK", "RANK", "RKNE", "STRN", "C7")
+    assert formats.carried(take) == ("point3",)
+    np.testing.assert_allclose(take.positions[1], np.delete(texts.motion()[1], 2, axis=0), atol=1e-5)
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_nexus_with_other_delimiters_has_the_same_rate_and_events(delimiter, saved):
+    english = mocapclean.read(saved(texts.nexus()))
+    content = texts.nexus().decode().replace(",", delimiter).replace("\r\n100\r\n", "\r\n100.5\r\n")
+    take = mocapclean.read(saved(content.replace(".", ",") if delimiter == ";" else content, "other.csv"))
+    assert take.rate == 100.5
+    found, expected = ([(e.label, e.context) for e in formats.events(t)] for t in (take, english))
+    assert found == expected
+
+
+def test_labels_of_events_keep_their_letters(saved, tmp_path):
+    qualisys = mocapclean.read(saved(texts.qualisys().replace(b"Jump", "Füße 左".encode()), "q.tsv"))
+    mocapclean.write(qualisys, tmp_path / "out.csv", format="nexus")
+    for take in (qualisys, mocapclean.read(tmp_path / "out.csv")):
+        assert [event.label for event in formats.events(take)] == ["Füße 左"]
+
+
+def test_titles_below_a_long_line_of_names_are_found(saved):
+    names = [f"a rather long name of a marker {i}" for i in range(300)]
+    lines = ["," + ",,,".join(names), "time" + ",x,y,z" * 300, *(t + ",1,2,3" * 300 for t in ("0", "0.01"))]
+    assert mocapclean.read(saved("\n".join(lines))).markers == tuple(names)
+
+
+def test_the_header_of_a_new_table_has_the_name_of_the_take(saved, tmp_path):
+    take = mocapclean.read(saved(texts.qualisys(), "Jump 3.tsv"))
+    mocapclean.write(take, tmp_path / "out.trc")
+    mocapclean.write(take, tmp_path / "out.csv", format="motive")
+    assert (tmp_path / "out.trc").read_bytes().splitlines()[0].endswith(b"\tJump 3.trc")
+    assert b",Take Name,Jump 3," in (tmp_path / "out.csv").read_bytes()
+
+
+def test_one_frame_is_not_enough_for_a_plain_table(tmp_path):
+    take = mocapclean.read(SAMPLES / "walk.c3d").crop(0, 1)
+    with pytest.raises(UsageError, match=r"out\.csv: a plain table tells the rate"):
+        mocapclean.write(take, tmp_path / "out.csv")
 
 
 def test_zeros_are_missing_and_told(saved):

@@ -53,6 +53,12 @@ def create_table(
         raise FormatError(path, "a new table must read back as it was written. Got other markers or positions.")
 
 
+def name_of(take: Take) -> str:
+    """Return the name of a take as a header has it: its own file's without suffix, "take" where it has none."""
+    stem = take.origin.path.stem if take.origin else "take"
+    return "".join(" " if character in UNFIT else character for character in stem)
+
+
 def _check(take: Take, path: Path) -> None:
     """Raise an error unless a table can hold the names and the known positions of a take."""
     if not take.trusted.size:

@@ -225,8 +225,8 @@ class _Table:
         zero = style.spell(0.0)
         for frame, marker in np.argwhere(~known)[:1]:
             row = raw_cells(self.lines[frame], self.delimiter)
-            cell = next((row[p] for p in places[marker] if p < len(row) and is_missing_cell(row[p])), zero)
-            return cell.strip(b' "')
+            own = [row[place] if place < len(row) else b"" for place in places[marker]]
+            return next((cell for cell in own if is_missing_cell(cell)), zero).strip(b' "')
         if self.header.zeros:
             return zero
         return b"NaN" if self.delimiter is None else b""
@@ -275,9 +275,10 @@ def _distinct(names: Sequence[str]) -> tuple[list[str], list[Finding]]:
 
 
 def _kinds(names: Sequence[str], header: Header) -> list[Kind]:
-    """Return the kind of each point."""
+    """Return the kind of each point; one without a name beside others has no label."""
     bare = {bare_name(name) for name in names}
-    known = header.kinds or {}
+    unnamed = {i: Kind.UNLABELLED for i, name in enumerate(header.names) if not name and any(header.names)}
+    known = unnamed | (header.kinds or {})
     return [known.get(i) or kind_by_label(name, bare) for i, name in enumerate(names)]
 
 
