@@ -6,7 +6,7 @@ reading a small take. A class that keeps its defaults needs no check.
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, dataclass, fields
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform, get_origin
 
@@ -148,5 +148,16 @@ def about(params: type, name: str) -> About:
     """Return the ``About`` of a parameter of a class of parameters. KeyError or ValueError: there is none."""
     annotation = annotations(params)[name]
     metadata = annotation.__metadata__ if get_origin(annotation) is Annotated else ()
-    (meaning,) = (item for item in metadata if isinstance(item, About))
-    return meaning
+    meanings = [item for item in metadata if isinstance(item, About)]
+    if len(meanings) != 1:
+        raise ValueError(f"the parameter {name} must have one About in its annotation")
+    return meanings[0]
+
+
+def fault_of(params: Any) -> str:
+    """Return why something is no class of parameters with defaults, "" where it is one."""
+    if not isinstance(params, type) or "__pydantic_config__" not in vars(params):
+        return "Params must be a class with the decorator parameters"
+    own = (field for field in fields(params) if field.default is MISSING and field.default_factory is MISSING)
+    bare = ", ".join(field.name for field in own)
+    return f"Params must have a default for {bare}" if bare else ""

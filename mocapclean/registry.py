@@ -4,7 +4,7 @@ Other packages add modules through entry points. These are looked for when a nam
 names are asked for, so that a command with the project's own modules does not search the installed packages.
 """
 
-from collections.abc import Iterable, Iterator, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, MutableMapping
 from contextlib import contextmanager
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -22,11 +22,19 @@ class Modules(MutableMapping[str, M]):
 
     A module is imported at its first use. Other objects can be entered under new names. A module of another package is
     found by its name, and is none of those that are iterated over; ``installed`` names them. group: of the entry points
-    of other packages, "" for none. needs: the names that such a module must have.
+    of other packages, "" for none. needs: the names that such a module must have. fault: a function that returns why
+    such a module cannot be used, "" where it can.
     """
 
-    def __init__(self, package: str, names: Iterable[str], group: str = "", needs: tuple[str, ...] = ()) -> None:
-        self._package = package
+    def __init__(
+        self,
+        package: str,
+        names: Iterable[str],
+        group: str = "",
+        needs: tuple[str, ...] = (),
+        fault: Callable[[Any], str] = lambda _: "",
+    ) -> None:
+        self._package, self._fault = package, fault
         self._modules: dict[str, Any] = dict.fromkeys(names)
         self._group, self._needs = group, needs
         self._foreign: dict[str, Any] = {}
@@ -77,7 +85,7 @@ class Modules(MutableMapping[str, M]):
             yield
         except MocapcleanError:
             raise
-        except Exception as fault:
+        except (Exception, SystemExit) as fault:
             if name not in self._foreign:
                 raise
             what = f"{self._group}: {name} of {self.origin(name)}"
@@ -110,11 +118,13 @@ class Modules(MutableMapping[str, M]):
             raise PackageError(f"{self._group}: {point.name} must be of one package. It is in {packages}.")
         try:
             module = point.load()
-        except Exception as fault:
+        except (Exception, SystemExit) as fault:
             raise PackageError(f"{what} cannot be loaded: {type(fault).__name__}: {fault}.") from fault
         lacking = [needed for needed in self._needs if not hasattr(module, needed)]
         if lacking:
             raise PackageError(f"{what} must have {', '.join(self._needs)}. {', '.join(lacking)} is missing.")
+        if wrong := self._fault(module):
+            raise PackageError(f"{what} cannot be used: {wrong}.")
         return module
 
 

@@ -27,6 +27,25 @@ BROKEN_METHODS = {
     "absent": ("no_such_module", "", "cannot be loaded: ModuleNotFoundError"),
     "faulty": ("faulty_module", "1 / 0", "cannot be loaded: ZeroDivisionError"),
     "partial": ("partial_module", "REFERENCE = 'A paper.'", "TRAITS, Params, solve is missing"),
+    "leaving": ("leaving_module", "raise SystemExit(4)", "cannot be loaded: SystemExit: 4"),
+    "bare": (
+        "bare_module",
+        "REFERENCE, TRAITS, Params, solve = 'A paper.', None, dict, print",
+        "cannot be used: TRAITS must be of the type Traits",
+    ),
+    "undeclared": (
+        "undeclared_module",
+        "from mocapclean.solvers.method import Traits\n"
+        "REFERENCE, TRAITS, Params, solve = 'A paper.', Traits(), dict, print",
+        "cannot be used: Params must be a class with the decorator parameters",
+    ),
+    "demanding": (
+        "demanding_module",
+        "from mocapclean.parameters import parameters\nfrom mocapclean.solvers.method import Traits\n"
+        "REFERENCE, TRAITS, solve = 'A paper.', Traits(), print\n"
+        "@parameters\nclass Params:\n    share: float\n",
+        "cannot be used: Params must have a default for share",
+    ),
 }
 
 
@@ -184,7 +203,20 @@ BAD_SOLVE = {
         "return Solution(positions=take.positions + 1, filled=fillable, moved=take.trusted)",
         "failed: ValueError: moved must be None unless the parameter denoise asks for it",
     ),
-    "forgets": ("return None", "failed: AttributeError"),
+    "forgets": ("return None", "failed: ValueError: solve must return a Solution, got NoneType"),
+    "leaves": ("exit(3)", "failed: SystemExit: 3"),
+    "lists": (
+        "return Solution(positions=take.positions, filled=fillable.tolist())",
+        "failed: ValueError: filled must be an array of bool",
+    ),
+    "loses": (
+        "return Solution(positions=take.positions * float('nan'), filled=fillable)",
+        "failed: ValueError: positions must be finite where filled",
+    ),
+    "doubts": (
+        "return Solution(positions=take.positions, filled=fillable, sd=take.positions[..., 0] * 0 - 1)",
+        "failed: ValueError: sd must not be negative where filled",
+    ),
 }
 
 
@@ -234,6 +266,29 @@ def test_a_rule_that_fails_is_named(site):
         mocapclean.detect(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 60), also=["bad"])
     with pytest.raises(UsageError, match=r"one of .*bad\. Got 'worse'"):
         mocapclean.detect(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 60), also=["worse"])
+
+
+@pytest.mark.parametrize(
+    ("result", "message"),
+    [
+        ("evidence.take.trusted[1:], ()", "bool samples of the shape"),
+        ("evidence.take.trusted * 1.0, ()", "bool samples of the shape"),
+        ("~evidence.take.trusted, ('low',)", "findings of the type Finding"),
+    ],
+)
+def test_a_rule_with_another_result_is_named(site, result, message):
+    text = example()["my_floor.py"].replace("    take = evidence.take\n", f"    return {result}\n")
+    install(site, "bad-rules", "2", {"bad_rule.py": text}, {"mocapclean.rules": {"bad": "bad_rule"}})
+    with pytest.raises(PackageError, match=f"bad of bad-rules 2 failed: ValueError: examine must return {message}"):
+        mocapclean.detect(mocapclean.read(SAMPLES / "walk.c3d").crop(0, 60), also=["bad"])
+
+
+def test_a_parameter_without_a_meaning_is_named(site):
+    text = example()["my_travel.py"].replace(', About(symbol="a", text="share of the travel that is followed")', "")
+    install(site, "terse", "1", {"terse_module.py": text}, {"mocapclean.methods": {"terse": "terse_module"}})
+    listed = run("methods")
+    assert listed.exit_code == 1
+    assert "the parameter share must have one About in its annotation" in listed.stderr
 
 
 def test_the_page_lists_the_laws():

@@ -24,7 +24,7 @@ def test_symbol_unit_and_text_stand_apart():
 
 
 def test_a_parameter_without_a_meaning_is_an_error():
-    with pytest.raises(ValueError, match="not enough values"):
+    with pytest.raises(ValueError, match="the parameter plain must have one About"):
         about(Params, "plain")
     with pytest.raises(KeyError):
         about(Params, "absent")

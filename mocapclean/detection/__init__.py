@@ -26,7 +26,9 @@ from mocapclean.arrays import Bools
 from mocapclean.detection.evidence import Evidence
 from mocapclean.detection.excursions import with_one_boundary
 from mocapclean.detection.levels import REPLACE, Found, levelled
+from mocapclean.detection.rule import Ruling
 from mocapclean.errors import UsageError
+from mocapclean.parameters import fault_of
 from mocapclean.registry import Modules
 from mocapclean.take import Finding, Take
 
@@ -51,6 +53,7 @@ RULES: Modules[ModuleType] = Modules(
     ),
     group="mocapclean.rules",
     needs=("Params", "examine"),
+    fault=lambda rule: fault_of(rule.Params),
 )
 
 
@@ -97,13 +100,23 @@ def _detected(take: Take, rules: Mapping[str, Any] | None, also: Sequence[str], 
         for name in params:
             if getattr(RULES[name], "AFTER_OTHERS", False) == last:
                 with RULES.blamed(name):
-                    found.append(Found(params[name], *RULES[name].examine(given, params[name])))
+                    found.append(Found(params[name], *_sound(RULES[name].examine(given, params[name]), take)))
     found = levelled(found, evidence, replace)
     findings = _united([finding for each in found for finding in each.findings])
     found_take = dataclasses.replace(take, findings=(*take.findings, *findings))
     if take.known is not None:
         return found_take.with_known(take.known & ~_named_channels(take, findings))
     return dataclasses.replace(found_take, trusted=_after(evidence, found).take.trusted)
+
+
+def _sound(ruling: Ruling, take: Take) -> Ruling:
+    """Return the result of a rule; raise ValueError unless it has samples of the take and findings."""
+    doubted, told = ruling
+    if not isinstance(doubted, np.ndarray) or (doubted.dtype, doubted.shape) != (np.dtype(bool), take.trusted.shape):
+        raise ValueError(f"examine must return bool samples of the shape {take.trusted.shape}")
+    if not all(isinstance(each, Finding) for each in told):
+        raise ValueError("examine must return findings of the type Finding")
+    return doubted, tuple(told)
 
 
 def _of_kind(params: Mapping[str, Any], kind: str) -> dict[str, Any]:

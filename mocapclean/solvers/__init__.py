@@ -18,7 +18,7 @@ terminal or a global random state.
 """
 
 from mocapclean.registry import Modules
-from mocapclean.solvers.method import Method
+from mocapclean.solvers.method import Method, fault_of
 
 SOLVERS: Modules[Method] = Modules(
     __name__,
@@ -44,6 +44,7 @@ SOLVERS: Modules[Method] = Modules(
     ),
     group="mocapclean.methods",
     needs=("REFERENCE", "TRAITS", "Params", "solve"),
+    fault=fault_of,
 )
 
 AUTO_CANDIDATES = ("kriging", "pca", "pma", "kalman", "spline", "linear")

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
 from mocapclean.geometry.skeleton import Bone
+from mocapclean.parameters import fault_of as fault_of_params
 from mocapclean.take import Solution
 
 
@@ -61,6 +62,13 @@ class Method(Protocol):
     TRAITS: Traits
     Params: type[Any]
     solve: Callable[..., Solution]
+
+
+def fault_of(module: Any) -> str:
+    """Return why the module of a method cannot be used, "" where it can."""
+    if not isinstance(module.TRAITS, Traits):
+        return "TRAITS must be of the type Traits"
+    return fault_of_params(module.Params)
 
 
 def limit_reached(params: Any, limit: str, state: str = "") -> str:

@@ -145,17 +145,29 @@ def _solve(
 
 
 def _sound(solution: Solution, take: Take, params: Any) -> Solution:
-    """Return a solution; raise ValueError unless its arrays have the shapes of the take and no trusted sample is moved.
+    """Return a solution; raise ValueError unless it fits the take and no trusted sample is moved.
 
-    Only with its parameter ``denoise`` may a method move trusted samples, because the user asks for it then.
+    Its arrays have the shapes of the take and the types of a Solution, and are finite where it is filled. Only with its
+    parameter ``denoise`` may a method move trusted samples, because the user asks for it then.
     """
+    if not isinstance(solution, Solution):
+        raise ValueError(f"solve must return a Solution, got {type(solution).__name__}")
     if solution.moved is not None and not getattr(params, "denoise", False):
         raise ValueError("moved must be None unless the parameter denoise asks for it")
     shape = take.trusted.shape
     for name, expected in (("positions", (*shape, 3)), ("filled", shape), ("sd", shape), ("moved", shape)):
         values = getattr(solution, name)
-        if values is not None and np.shape(values) != expected:
+        if values is None:
+            continue
+        if np.shape(values) != expected:
             raise ValueError(f"{name} must have the shape {expected}, got {np.shape(values)}")
+        kind = "float" if name in ("positions", "sd") else "bool"
+        if getattr(values, "dtype", np.dtype(object)).kind != kind[0]:
+            raise ValueError(f"{name} must be an array of {kind}")
+    if not np.isfinite(solution.positions[solution.filled]).all():
+        raise ValueError("positions must be finite where filled")
+    if solution.sd is not None and not (solution.sd[solution.filled] >= 0).all():
+        raise ValueError("sd must not be negative where filled")
     return solution
 
 

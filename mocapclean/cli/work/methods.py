@@ -72,7 +72,7 @@ def _block(name: str, *, full: bool) -> str:
 
 def _described(name: str, module: Method, full: bool) -> str:
     """Return the text on the module of a method."""
-    text = inspect.cleandoc(module.__doc__ or "")
+    text = inspect.cleandoc(module.__doc__ or "It has no description.")
     default = " (default)" if name == DEFAULT_METHOD else ""
     lines = [
         f"{name}{default}{_package(name)}",
