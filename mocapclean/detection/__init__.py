@@ -30,7 +30,7 @@ from mocapclean.detection.rule import Ruling
 from mocapclean.errors import UsageError
 from mocapclean.parameters import fault_of
 from mocapclean.registry import Modules
-from mocapclean.take import Finding, Take
+from mocapclean.take import Finding, Take, require_take
 
 RULES: Modules[ModuleType] = Modules(
     f"{__name__}.rules",
@@ -73,6 +73,7 @@ def detect(
     distrusts the samples of findings that the level of their rule lets act, "suspicious" those of all findings, and
     "missing" none. Raises UsageError for a name that is not in ``RULES``, or another choice.
     """
+    require_take(take, "detect")
     if replace not in REPLACE:
         raise UsageError(f"replace must be one of {', '.join(REPLACE)}. Got {replace!r}.")
     with logs.timed("detected") as values:

@@ -18,7 +18,7 @@ from mocapclean.formats.declarations import ASF_SUFFIX, DECLARATIONS
 from mocapclean.formats.skeleton_files import find_skeleton, new_skeleton_path
 from mocapclean.geometry.skeleton import Skeleton
 from mocapclean.registry import Modules
-from mocapclean.take import Event, ReadOptions, Take
+from mocapclean.take import Event, ReadOptions, Take, require_take
 
 FORMATS: Modules[Format] = Modules(__name__, DECLARATIONS)
 
@@ -222,10 +222,7 @@ def write(
     UsageError when ``path`` is the take's own file, when it exists and ``overwrite`` is false, and when the format
     cannot express the take; FormatError when the file cannot be written.
     """
-    if not isinstance(take, Take):
-        raise UsageError(
-            f"write takes a Take, such as the attribute take of what fill returns. Got {type(take).__name__}."
-        )
+    require_take(take, "write")
     path = Path(path)
     name = _known(format) if format else _format_to_write(take, path)
     check_output(path, take.origin.path if take.origin else None, overwrite)

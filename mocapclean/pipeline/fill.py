@@ -21,7 +21,7 @@ from mocapclean.pipeline.outcome import Counts, GapReport, MethodChoice
 from mocapclean.pipeline.summary import summarise
 from mocapclean.solvers import SOLVERS
 from mocapclean.solvers.names import require_method
-from mocapclean.take import Take
+from mocapclean.take import Take, require_take
 from mocapclean.take.status import Codes, detected
 
 if TYPE_CHECKING:
@@ -94,6 +94,9 @@ def fill(
     wildcards allowed. dictionary: the trained one, for methods that need one. parameters: the method's own. Raises
     UsageError for an unknown method, option or value, SolverError when the method has no answer.
     """
+    require_take(take, "fill")
+    if isinstance(markers, str):
+        raise UsageError(f"markers must be a list of names. Got {markers!r}.")
     settings = _settings(
         method,
         parameters,

@@ -12,7 +12,7 @@ import numpy as np
 from mocapclean.arrays import Bools, Floats
 from mocapclean.errors import UsageError
 from mocapclean.take.status import Codes, Status, current
-from mocapclean.take.take import Take
+from mocapclean.take.take import Finding, Take
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 CONFIDENT_MM = 10.0
 """Millimetres from the truth within which ``confidence`` is the probability of a filled sample: the grade good."""
+UNEVEN = 1.5
+"""Times of the median step from which a step of the times is said to be uneven: a frame is nearer missing than late."""
 _AXES = ("x", "y", "z")
 _TRUSTED = (Status.MEASURED, Status.SUSPICIOUS, Status.MOVED)
 _SUPPLIED = (Status.FILLED, Status.REPLACED)
@@ -103,14 +105,18 @@ def from_xarray(dataset: "xr.Dataset") -> Take:
 
     Positions are taken as millimetres. With the variable ``status`` of ``to_xarray`` trusted and filled samples are
     those of the take that it was made from; without it every sample with three finite numbers is trusted. A second
-    individual makes the names of markers "individual:keypoint". Raises UsageError for another layout.
+    individual makes the names of markers "individual:keypoint". The names of the space say which axis is which. Times
+    that are uneven give a finding. Raises UsageError for another layout, and for times that do not rise.
     """
+    if not hasattr(dataset, "data_vars"):
+        raise UsageError(f"from_xarray takes a Dataset. Got {type(dataset).__name__}.")
     dataset = dataset.rename({old: new for old, new in _OLDER_NAMES.items() if old in dataset.dims})
     if "position" not in dataset.data_vars:
         raise UsageError(f"a Dataset of poses must have the variable position. Got {_listed(dataset.data_vars)}.")
     if set(dataset["position"].dims) != {*_DIMENSIONS} or dataset.sizes["space"] != len(_AXES):
         got = ", ".join(f"{name} {size}" for name, size in dataset["position"].sizes.items())
         raise UsageError(f"position must have the dimensions time, space (3), keypoint and individual. Got {got}.")
+    dataset = _in_axes(dataset)
     per_marker = {"marker": ("individual", "keypoint")}
     positions = dataset["position"].stack(per_marker).transpose("time", "marker", "space").to_numpy().astype(float)
     finite: Bools = np.isfinite(positions).all(axis=2)
@@ -129,7 +135,31 @@ def from_xarray(dataset: "xr.Dataset") -> Take:
         markers=tuple(markers),
         rate=_rate(dataset),
         first_frame=int(dataset["frame"][0]) if "frame" in dataset.coords and dataset.sizes["time"] else 1,
+        findings=_uneven(dataset),
     )
+
+
+def _in_axes(dataset: "xr.Dataset") -> "xr.Dataset":
+    """Return a Dataset with its space in the order x, y, z; as it is where the space has no names."""
+    if "space" not in dataset.coords:
+        return dataset
+    named = [str(name) for name in dataset["space"].to_numpy()]
+    if sorted(named) != [*_AXES]:
+        raise UsageError(f"the space of a Dataset must be x, y and z. Got {_listed(named)}.")
+    return dataset.isel(space=[named.index(axis) for axis in _AXES])
+
+
+def _uneven(dataset: "xr.Dataset") -> tuple[Finding, ...]:
+    """Return a finding where the times of a Dataset are uneven; raise UsageError where they do not rise."""
+    if "time" not in dataset.coords or dataset.sizes["time"] < 2:
+        return ()
+    steps = np.diff(dataset["time"].to_numpy())
+    if not (steps > 0).all():
+        raise UsageError("the times of a Dataset must rise from frame to frame. Some do not.")
+    if steps.max() <= UNEVEN * np.median(steps):
+        return ()
+    message = f"the times are uneven: the longest step is {steps.max():g}, the median {np.median(steps):g}"
+    return (Finding(rule="times", level="warning", message=message),)
 
 
 def _names(dataset: "xr.Dataset", dimension: str) -> list[Any]:

@@ -156,6 +156,7 @@ class Take:
             )
         if len(self.markers) != shape[1] or len(set(self.markers)) != shape[1]:
             raise ValueError(f"markers must be {shape[1]} distinct names. Got {len(self.markers)}.")
+        self._check_values()
         for name in ("positions", "trusted", "filled", "moved", "detached"):
             object.__setattr__(self, name, _read_only(getattr(self, name)))
         if self.poses is not None:
@@ -169,6 +170,14 @@ class Take:
             if known is None:
                 known = np.isfinite(self.poses) & self.trusted[:, self.owners]
             object.__setattr__(self, "known", _read_only(known))
+
+    def _check_values(self) -> None:
+        """Raise ValueError unless the masks are bool and the rate is positive: numbers as masks invert otherwise."""
+        for name in ("trusted", "filled", "moved", "detached"):
+            if getattr(self, name).dtype != bool:
+                raise ValueError(f"{name} must be bool. Got {getattr(self, name).dtype}.")
+        if not 0 < self.rate < np.inf:
+            raise ValueError(f"rate must be positive and finite. Got {self.rate}.")
 
     def __repr__(self) -> str:
         n_frames, n_markers = self.trusted.shape
@@ -366,6 +375,13 @@ def _tables() -> Any:
 def _notebook() -> Any:
     """Return the module that draws takes; it is above this package, so that it is imported when it is asked for."""
     return import_module("mocapclean.report.notebook")
+
+
+def require_take(take: object, function: str) -> None:
+    """Raise UsageError unless an argument of a function is a Take."""
+    if not isinstance(take, Take):
+        got = type(take).__name__
+        raise UsageError(f"{function} takes a Take, such as the attribute take of what fill returns. Got {got}.")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -211,7 +211,7 @@ def new_take(n_frames: int = 3, **changes: object) -> Take:
         (new_take(markers=("A ",)), "1 to 255 bytes"),
         (new_take(markers=("",)), "1 to 255 bytes"),
         (new_take(positions=np.full((3, 1, 3), 1e39)), "frame 1, marker A: a position must be finite and within"),
-        (new_take(rate=np.nan), "frame rate"),
+        (new_take(rate=1e39), "frame rate"),
     ],
     ids=["long", "empty", "long name", "padded name", "no name", "far", "rate"],
 )

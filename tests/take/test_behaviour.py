@@ -118,3 +118,27 @@ def test_the_package_shows_its_public_names():
     assert {"read", "detect", "fill", "write", "Take", "FillResult", "Status", "from_xarray"} <= {*dir(mocapclean)}
     for name in mocapclean.__all__:
         assert getattr(mocapclean, name) is not None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"trusted": np.ones((480, 41), dtype=int)}, "trusted must be bool"),
+        ({"rate": 0.0}, "rate must be positive"),
+        ({"rate": np.nan}, "rate must be positive"),
+    ],
+)
+def test_a_take_without_sense_is_refused(walk, change, message):
+    with pytest.raises(ValueError, match=message):
+        dataclasses.replace(walk, **change)
+
+
+@pytest.mark.parametrize("function", ["detect", "fill"])
+def test_a_path_is_no_take(function):
+    with pytest.raises(UsageError, match=rf"{function} takes a Take.* Got str"):
+        getattr(mocapclean, function)("walk.c3d")
+
+
+def test_a_pattern_alone_is_no_list_of_markers(walk):
+    with pytest.raises(UsageError, match=r"markers must be a list of names\. Got 'L\*'"):
+        mocapclean.fill(walk, markers="L*")

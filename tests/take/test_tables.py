@@ -133,3 +133,27 @@ def test_without_the_extra_the_sentence_says_what_to_install(monkeypatch, result
     monkeypatch.setitem(sys.modules, library, None)
     with pytest.raises(UsageError, match=r"\.\[xarray\]"):
         getattr(result.take, call)()
+
+
+def test_the_names_of_the_space_say_which_axis_is_which(result):
+    dataset = result.to_xarray()
+    turned = mocapclean.from_xarray(dataset.sel(space=["z", "x", "y"]))
+    assert turned == mocapclean.from_xarray(dataset)
+    unnamed = mocapclean.from_xarray(dataset.drop_vars("space"))
+    assert np.array_equal(unnamed.positions, turned.positions)
+    with pytest.raises(UsageError, match=r"must be x, y and z\. Got u, v, w"):
+        mocapclean.from_xarray(dataset.assign_coords(space=["u", "v", "w"]))
+
+
+def test_times_must_rise_and_uneven_ones_are_told(result):
+    dataset = result.to_xarray()
+    with pytest.raises(UsageError, match="must rise"):
+        mocapclean.from_xarray(dataset.isel(time=slice(None, None, -1)))
+    (finding,) = mocapclean.from_xarray(dataset.isel(time=[0, 1, 2, 5])).findings
+    assert (finding.rule, finding.level) == ("times", "warning")
+    assert mocapclean.from_xarray(dataset).findings == ()
+
+
+def test_a_variable_alone_is_no_dataset(result):
+    with pytest.raises(UsageError, match=r"takes a Dataset\. Got DataArray"):
+        mocapclean.from_xarray(result.to_xarray()["position"])
