@@ -64,7 +64,7 @@ class NameIn:
         self.names, self.words = names, words
 
     def __contains__(self, value: object) -> bool:
-        return value in self.words or value in self.names
+        return isinstance(value, str) and (value in self.words or value in self.names)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         """Return pydantic's schema of such a name."""

@@ -43,6 +43,7 @@ def as_yaml(settings: Settings) -> str:
     yaml = YAML()
     yaml.width = _WIDTH
     yaml.representer.add_representer(type(None), lambda own, _: own.represent_scalar("tag:yaml.org,2002:null", "null"))
+    yaml.representer.add_representer(float, lambda own, x: own.represent_scalar("tag:yaml.org,2002:float", _number(x)))
     text = StringIO()
     yaml.dump(tree, text)
     return text.getvalue()
@@ -86,6 +87,12 @@ def _commented(
         tree.yaml_set_comment_before_after_key(name, before="\n".join([*waiting, *lines]), indent=indent)
         waiting = []
     return tree
+
+
+def _number(value: float) -> str:
+    """Return a number as all versions of YAML read it: one with an exponent needs a point in YAML 1.1."""
+    mantissa, exponent, power = repr(value).partition("e")
+    return f"{mantissa}.0e{power}" if exponent and "." not in mantissa else repr(value)
 
 
 def _inline(value: Any) -> Any:

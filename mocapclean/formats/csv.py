@@ -33,6 +33,8 @@ AXIS_LAST = re.compile(rb"(?P<name>.+)%s(?P<axis>[xyz])" % MARK, re.IGNORECASE)
 AXIS_FIRST = re.compile(rb"(?P<axis>[xyz])%s(?P<name>.+)" % MARK, re.IGNORECASE)
 AXIS_JOINED = re.compile(rb"(?P<name>.*[a-z0-9])(?P<axis>[XYZ])")
 """Patterns of a coordinate's name, of which the first that finds three axes counts; the last is noseX."""
+FOURTH_AXIS = re.compile(rb"(.+)%sw" % MARK), re.compile(rb"(.+)w"), re.compile(rb"w%s(.+)" % MARK)
+"""Patterns of the fourth coordinate of a quaternion, in lower case."""
 UNIT = re.compile(rb"\s*[(\[]\s*(?P<unit>[^()\[\]]+?)\s*[)\]]$")
 FRAME = re.compile(rb"frame[ _]?(?:#|no\.?|nr\.?|number|id|index)?", re.IGNORECASE)
 TIME = re.compile(rb"(?:time|timestamp|t)[ _]?(?P<unit>s|sec|seconds|ms|msec|milliseconds)?", re.IGNORECASE)
@@ -71,7 +73,7 @@ def sniff(head: bytes) -> bool:
     if not lines or lines[0].lstrip(b' "').startswith(starts):
         return False
     titles = _titles(lines[:MOST_HEADER_LINES])
-    return titles is not None and not all(_is_quantity(name, titles.cells) for name in titles.names)
+    return titles is not None and len(_quantities(titles)) < len(titles.names)
 
 
 def read(path: Path, options: ReadOptions) -> Take:
@@ -183,15 +185,21 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
         frames=next((i for i, title in enumerate(titles.cells) if FRAME.fullmatch(title)), None),
         times=time,
         time_unit=MILLISECONDS_PER_SECOND if is_milliseconds else 1.0,
-        kinds={i: Kind.QUANTITY for i, name in enumerate(titles.names) if _is_quantity(name, titles.cells)},
+        kinds=dict.fromkeys(_quantities(titles), Kind.QUANTITY),
         findings=(finding,),
     )
 
 
-def _is_quantity(name: bytes, titles: Sequence[bytes]) -> bool:
-    """Whether three columns are no position: by a word in their name, or because a fourth makes a quaternion."""
-    fourth = re.compile(re.escape(name) + MARK + rb"?w|w" + MARK + re.escape(name), re.IGNORECASE)
-    return any(map(QUANTITY_WORDS.fullmatch, WORD.findall(name))) or any(map(fourth.fullmatch, titles))
+def _quantities(titles: Titles) -> list[int]:
+    """Return the points that are no positions: by a word in their name, or because a fourth axis makes a quaternion."""
+    fourth = set[bytes]()
+    for title in map(bytes.lower, titles.cells):
+        fourth |= {match[1] for pattern in FOURTH_AXIS if (match := pattern.fullmatch(title))}
+    return [
+        i
+        for i, name in enumerate(titles.names)
+        if name.lower() in fourth or any(map(QUANTITY_WORDS.fullmatch, WORD.findall(name)))
+    ]
 
 
 def _unit(

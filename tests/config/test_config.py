@@ -51,6 +51,7 @@ def test_paths_are_relative_to_the_file(tmp_path):
             "metod: linear\n",
             r"studio.yaml, line 1: unknown key 'metod'. Did you mean 'method'\? Allowed: config|method",
         ),
+        ("method: {linear: 1}\n", r"line 1: method must be a valid string"),
         ("method: magic\n", r"studio.yaml, line 1: method must be .*'trnn2'.*Got 'magic'"),
         (
             "max_gap: 120\nmethods:\n  trnn2:\n    penalti: 1\n",

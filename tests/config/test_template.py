@@ -1,6 +1,7 @@
 """``mocapclean config``: the written configuration is the defaults, and the schema says what a configuration may be."""
 
 import json
+import re
 from dataclasses import is_dataclass
 from pathlib import Path
 
@@ -84,6 +85,12 @@ def test_a_preset_chosen_in_the_written_file_sets_its_limits(tmp_path):
 
 def test_the_long_sections_come_last():
     assert list(YAML(typ="safe", pure=True).load(TEXT))[-2:] == ["methods", "trust"]
+
+
+def test_numbers_with_an_exponent_are_numbers_in_all_versions_of_yaml():
+    exponents = [line for line in TEXT.splitlines() if re.match(r"\s*\w+: -?[\d.]+e-", line)]
+    assert exponents
+    assert all(re.search(r": -?\d+\.\d+e[+-]\d+$", line) for line in exponents)
 
 
 def test_other_values_survive_as_well(tmp_path):

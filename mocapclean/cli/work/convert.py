@@ -1,5 +1,6 @@
 """The work of ``mocapclean convert``: write takes as files of another format."""
 
+from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -47,8 +48,8 @@ def _pairs(files: tuple[Path, ...], out_dir: Path | None, to: str | None) -> lis
     pairs = [(each.path, out_dir / each.relative.with_suffix(suffix)) for each in find(files, skip=out_dir)]
     if not pairs:
         raise UsageError(f"the inputs must hold at least one take ({', '.join(formats.suffixes())}). Got none.")
-    outputs = [output for _, output in pairs]
-    if twice := next((output for output in outputs if outputs.count(output) > 1), None):
+    outputs = Counter(output for _, output in pairs)
+    if twice := next((output for output, count in outputs.items() if count > 1), None):
         raise UsageError(f"{twice}: two results would have this name. Convert them one by one.")
     for folder in dict.fromkeys(output.parent for output in outputs):
         make_folder(folder)

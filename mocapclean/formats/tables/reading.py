@@ -97,6 +97,7 @@ def read_table(path: Path, format_name: str, options: ReadOptions, text: Lines, 
         findings.append(Finding(rule="zeros", message=message))
     rate, rate_findings = _rate(path, table, header, options)
     positions = samples[:, chosen] * header.factor
+    others = sorted({*range(len(names))} - {*chosen})
     return Take(
         positions=positions,
         trusted=known[:, chosen],
@@ -120,11 +121,9 @@ def read_table(path: Path, format_name: str, options: ReadOptions, text: Lines, 
                 style=style_of(table.style_cells(), table.comma),
                 missing=table.missing_word(known[:, chosen], header.places[chosen]),
                 present=known[:, chosen],
-                computed=tuple(
-                    name for i, name in enumerate(names) if i not in set(chosen) and kinds[i] in PLACES | QUANTITY_KINDS
-                ),
+                computed=tuple(names[i] for i in others if kinds[i] in PLACES | QUANTITY_KINDS),
                 others=table.others(),
-                carried=tuple(name for i, name in enumerate(names) if i not in set(chosen)),
+                carried=tuple(names[i] for i in others),
                 events=header.events,
             ),
         ),
