@@ -21,6 +21,7 @@ from mocapclean.formats.tables.document import AXES, outdated, prove, write
 from mocapclean.formats.tables.lines import Lines, cells, delimiter_of, first_lines, is_blank, load_lines, raw_cells
 from mocapclean.formats.tables.numbers import numbers
 from mocapclean.formats.tables.reading import Header, read_table
+from mocapclean.formats.text import is_number
 from mocapclean.take import Finding, ReadOptions, Take
 
 __all__ = ["create", "outdated", "prove", "read", "sniff", "write"]
@@ -173,7 +174,9 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
     while first_row < len(text.lines) and is_blank(text.lines[first_row]):
         first_row += 1
     times = {i: match for i, title in enumerate(titles.cells) if (match := TIME.fullmatch(_without_marks(title)))}
-    time = next(iter(times), None)
+    first = cells(text.lines[first_row], delimiter_of(text.lines[first_row])) if first_row < len(text.lines) else []
+    # Dates, and seconds since 1970, which are larger than a number may be, are carried along.
+    time = next((i for i in times if i < len(first) and is_number(first[i].replace(b",", b"."))), None)
     is_milliseconds = time is not None and MILLISECONDS.fullmatch(times[time]["unit"] or b"") is not None
     places = np.array(titles.places)
     factor, finding = _unit(path, text.lines, first_row, places, titles.unit, options)

@@ -201,6 +201,22 @@ def test_names_can_be_in_a_line_above_the_axes(saved):
     np.testing.assert_array_equal(take.positions[1, 1], [40.0, 5.0, 6.5])
 
 
+@pytest.mark.parametrize("stamp", ["2024-03-05 10:11:{:05.2f}", "17096334{:05.2f}", '"10:11:{:05.2f}"'])
+def test_dates_are_carried_along(stamp, saved, tmp_path):
+    lines = texts.plain(lead=("frame",)).decode().splitlines()
+    rows = [f"{stamp.format(i / 100)},{line}" for i, line in enumerate(lines[1:])]
+    path = saved("\n".join([f"timestamp,{lines[0]}", *rows, ""]))
+    with pytest.raises(FormatError, match="give it with --rate"):
+        mocapclean.read(path)
+    take = mocapclean.read(path, rate=texts.RATE)
+    assert take.markers == texts.NAMES
+    assert "other columns: 7" in take.origin.document.others
+    mocapclean.write(filled(take), tmp_path / "out.csv")
+    assert [row.split(",")[0] for row in (tmp_path / "out.csv").read_text().splitlines()[1:]] == [
+        row.split(",")[0] for row in rows
+    ]
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("(m)", 1000.0), ("[cm]", 10.0), ("(mm)", 1.0)])
 def test_the_unit_of_the_titles_counts(unit, factor, saved):
     take = mocapclean.read(saved(texts.plain(pattern="{name}_{axis} " + unit)))
