@@ -72,7 +72,7 @@ def _header(path: Path, text: Lines, options: ReadOptions) -> Header:
     if not names:
         raise FormatError(path, "a take must have markers. Got no name behind 'Time'.", line=at + 1)
     first_row = at + 1
-    if first_row < len(lines) and b"X1" in cells(lines[first_row], delimiter_of(lines[first_row])):
+    if first_row < len(lines) and b"X1" in map(bytes.upper, cells(lines[first_row], delimiter_of(lines[first_row]))):
         first_row += 1
     while first_row < len(lines) and is_blank(lines[first_row]):
         first_row += 1

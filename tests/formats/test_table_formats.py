@@ -366,6 +366,11 @@ def test_one_frame_is_not_enough_for_a_plain_table(tmp_path):
         mocapclean.write(take, tmp_path / "out.csv")
 
 
+def test_axes_in_small_letters_are_axes(saved):
+    small = texts.trc().replace(b"X1\tY1\tZ1", b"x1\ty1\tz1")
+    assert mocapclean.read(saved(small, "take.trc")).trusted.shape == (texts.N_FRAMES, len(texts.NAMES))
+
+
 def test_zeros_are_missing_and_told(saved):
     take = mocapclean.read(saved(texts.trc(missing="0.00000"), "take.trc"))
     assert not take.trusted[texts.GAP].any()
