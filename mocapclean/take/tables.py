@@ -172,6 +172,8 @@ def _rate(dataset: "xr.Dataset") -> float:
     """Return the frames per second that a Dataset states or that its times show; raise UsageError without either."""
     stated = dataset.attrs.get("fps")
     if stated:
+        if not isinstance(stated, float | int | np.number) or not 0 < stated < np.inf:
+            raise UsageError(f"the attribute fps of a Dataset must be a positive number. Got {stated!r}.")
         return float(stated)
     if dataset.attrs.get("time_unit") != "frames" and "time" in dataset.coords and dataset.sizes["time"] > 1:
         return float(1.0 / np.median(np.diff(dataset["time"].to_numpy())))

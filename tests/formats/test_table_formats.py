@@ -256,6 +256,8 @@ REFUSED = {
     "few names": (texts.trc().replace(b"\tC7", b"\t"), "take.trc", r"5 names above 18 coordinates"),
     "word in a plain table": (texts.plain().replace(b"0.0900,", b"0.0900,x"), "take.csv", r"line 11: a cell must be"),
     "no rate": (texts.trc().replace(b"100.00", b"0").replace(b"\t0.", b"\t-0."), "take.trc", r"give it with --rate"),
+    "absurd rate": (texts.trc().replace(b"100.00", b"1e300"), "take.trc", r"frame rate must be 0.001 to 1e\+06 Hz"),
+    "steep times": ("time,A_x,A_y,A_z\n0,1,2,3\n1e-320,1,2,3\n", "take.csv", r"frame rate must be 0.001 to 1e\+06 Hz"),
     "other content": (b"HIERARCHY\n", "take.trc", r"the content is not TRC"),
     "binary": (b"PathFileType\t4\0", "take.trc", r"the content is not TRC"),
     "rigid bodies": (b"NO_OF_FRAMES\t2\nDATA_INCLUDED\t6D\nBODY_NAMES\tA\n", "take.tsv", r"must have 3D positions"),

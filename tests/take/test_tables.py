@@ -157,3 +157,9 @@ def test_times_must_rise_and_uneven_ones_are_told(result):
 def test_a_variable_alone_is_no_dataset(result):
     with pytest.raises(UsageError, match=r"takes a Dataset\. Got DataArray"):
         mocapclean.from_xarray(result.to_xarray()["position"])
+
+
+@pytest.mark.parametrize("fps", [-5, float("nan"), "fast"])
+def test_frames_per_second_must_be_positive(result, fps):
+    with pytest.raises(UsageError, match="fps of a Dataset must be a positive number"):
+        mocapclean.from_xarray(result.to_xarray().assign_attrs(fps=fps))

@@ -39,6 +39,8 @@ UNEVEN = 1.5
 """Times of the median step from which a step of the times is said to be uneven: a frame is nearer missing than late."""
 MOST_RATE_DIGITS = 12
 """Significant digits of a rate from times, beyond which float64 seconds show none."""
+RATES = (1e-3, 1e6)
+"""Hz: a rate of a file outside is a mistake; no system takes as few or as many frames. Chosen by hand."""
 SLOWEST = 5.0
 """Hz: a slower rate from times is taken to be a mistake of their unit. No system that tracks bodies is as slow."""
 
@@ -328,6 +330,8 @@ def _rate(path: Path, table: _Table, header: Header, options: ReadOptions) -> tu
     if rate is None:
         got = "no column of times" if table.times is None else "times that do not tell it"
         raise FormatError(path, f"the frame rate must be known. Got {got}; give it with --rate.")
+    if not RATES[0] <= rate <= RATES[1]:
+        raise FormatError(path, f"the frame rate must be {RATES[0]:g} to {RATES[1]:g} Hz. Got {rate:g}; give --rate.")
     if table.times is not None and timed is not None:
         span, stated = float(np.ptp(table.times)), (len(table.times) - 1) / rate
         if abs(span - stated) <= max(RATE_TOLERANCE * span, TIME_ROUNDING):
