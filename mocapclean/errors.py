@@ -61,6 +61,12 @@ class FormatError(MocapcleanError):
         super().__init__(f"{path}{where}: {message}")
         self.path, self.line, self.byte, self.frame, self.marker = path, line, byte, frame, marker
 
+    def renamed(self, path: Path) -> "FormatError":
+        """Return the error of a temporary file as that of the file that it was to become."""
+        own = _from_message(f"{path}{self.args[0].removeprefix(str(self.path))}")
+        own.__dict__ |= {**self.__dict__, "path": path}
+        return own
+
     def __reduce__(self) -> tuple[Any, ...]:
         """Return what pickle needs to make the same error, with its composed message, in another process."""
         return _from_message, self.args, self.__dict__

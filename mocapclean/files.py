@@ -51,8 +51,9 @@ def make_folder(folder: Path) -> None:
 def new_file(path: Path) -> Iterator[Path]:
     """Yield a temporary file in the folder of ``path``; it is renamed to ``path`` unless the block raises.
 
-    The temporary file keeps the suffix of ``path`` and is removed when the block raises. Raises FormatError when the
-    folder does not allow a new file or the file cannot be stored.
+    The temporary file keeps the suffix of ``path`` and is removed when the block raises. A FormatError of the block
+    about the temporary file becomes one about ``path``. Raises FormatError when the folder does not allow a new file or
+    the file cannot be stored.
     """
     part = path.parent / f"{_part_prefix(path)}{os.urandom(8).hex()}.part{path.suffix}"
     try:
@@ -62,6 +63,10 @@ def new_file(path: Path) -> Iterator[Path]:
     try:
         yield part
         _store(part, path)
+    except FormatError as fault:
+        if fault.path != part:
+            raise
+        raise fault.renamed(path) from None
     except OSError as fault:
         raise _not_written(path, fault, part) from None
     finally:

@@ -373,6 +373,15 @@ def test_axes_in_small_letters_are_axes(saved):
     assert mocapclean.read(saved(small, "take.trc")).trusted.shape == (texts.N_FRAMES, len(texts.NAMES))
 
 
+@pytest.mark.parametrize("name", ["out.trc", "out.c3d"])
+def test_an_error_has_the_name_of_the_output(name, saved, tmp_path):
+    take = mocapclean.read(saved(texts.trc(), "take.trc"))
+    with pytest.raises(FormatError) as refused:
+        mocapclean.write(filled(take, (np.inf, 0.0, 0.0)), tmp_path / name)
+    assert str(refused.value).startswith(f"{tmp_path / name}, frame 11, marker LKNE: ")
+    assert (refused.value.path, refused.value.frame) == (tmp_path / name, 11)
+
+
 def test_zeros_are_missing_and_told(saved):
     take = mocapclean.read(saved(texts.trc(missing="0.00000"), "take.trc"))
     assert not take.trusted[texts.GAP].any()
