@@ -17,8 +17,8 @@ from mocapclean.cli.options import FILE, OUTPUT, Command, examples, overwriting
         "mocapclean config --show studio.yaml",
     ),
 )
-@click.option("--init", "wanted", flag_value="init", help="All keys with today's defaults, as YAML with comments.")
-@click.option("--schema", "wanted", flag_value="schema", help="The JSON Schema of a configuration, for editors.")
+@click.option("--init", is_flag=True, help="All keys with today's defaults, as YAML with comments.")
+@click.option("--schema", is_flag=True, help="The JSON Schema of a configuration, for editors.")
 @click.option("--show", type=FILE, help="All keys with the values that this configuration gives them, as YAML.")
 @click.option("-o", "--output", type=FILE, help=f"{OUTPUT}YAML or JSON (default: standard output).")
 @overwriting(default=False)

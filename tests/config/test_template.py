@@ -155,7 +155,7 @@ def test_the_command_prints_or_writes(tmp_path):
     )
 
 
-@pytest.mark.parametrize("arguments", [(), ("--init", "--show", "x.yaml")])
+@pytest.mark.parametrize("arguments", [(), ("--init", "--show", "x.yaml"), ("--init", "--schema")])
 def test_one_thing_is_asked_for(arguments):
     assert run("config", *arguments)[0] == 2
 

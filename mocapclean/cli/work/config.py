@@ -12,13 +12,13 @@ from mocapclean.errors import UsageError
 from mocapclean.files import check_output, new_file
 
 
-def work(wanted: str | None, show: Path | None, output: Path | None, overwrite: bool) -> int:
+def work(init: bool, schema: bool, show: Path | None, output: Path | None, overwrite: bool) -> int:
     """Write a configuration or its schema; return the exit code."""
-    if (wanted is None) == (show is None):
+    if init + schema + (show is not None) != 1:
         raise UsageError("give one of --init, --schema and --show.")
     if output:
         check_output(output, show, overwrite)
-    if wanted == "schema":
+    if schema:
         text = json.dumps(template.schema(), indent=1, ensure_ascii=False) + "\n"
     else:
         text = template.as_yaml(resolve(show, {}) if show else Settings())
