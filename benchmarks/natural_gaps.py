@@ -50,8 +50,8 @@ def captures(folder, most):
 
 
 def agreement(take):
-    """Return the gaps, three RMS deviations (mm), the numbers of gaps graded good, contradicted and alone, and of markers
-    that step too far.
+    """Return the gaps, three RMS deviations (mm), the gaps graded good, contradicted and alone, and the markers that step
+    too far.
     """
     solution = run_method(DEFAULT_METHOD, take, SOLVERS[DEFAULT_METHOD].Params())
     positions = np.where(solution.filled[..., None], solution.positions, take.positions)
