@@ -50,7 +50,7 @@ def captures(folder, most):
 
 
 def agreement(take):
-    """Return the gaps, three RMS deviations (mm), the good, contradicted and lone gaps, and the markers that step far."""
+    """Return the gaps, three RMS deviations (mm), the good, contradicted and lone gaps, and markers that step far."""
     solution = run_method(DEFAULT_METHOD, take, SOLVERS[DEFAULT_METHOD].Params())
     positions = np.where(solution.filled[..., None], solution.positions, take.positions)
     present = take.trusted | solution.filled

@@ -95,8 +95,6 @@ def fill(
     UsageError for an unknown method, option or value, SolverError when the method has no answer.
     """
     require_take(take, "fill")
-    if isinstance(markers, str):
-        raise UsageError(f"markers must be a list of names. Got {markers!r}.")
     settings = _settings(
         method,
         parameters,

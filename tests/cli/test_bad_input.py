@@ -99,7 +99,7 @@ def test_a_folder_that_cannot_be_written(folder):
 def test_an_output_in_a_folder_that_is_not_there(folder):
     code, _, err = run("fill", folder / "walk.c3d", "--method", "linear", "-o", folder / "none" / "out.c3d")
     assert code == 1
-    assert "out.c3d: cannot be written: No such file or directory" in err
+    assert "out.c3d: cannot be written: its folder does not exist" in err
 
 
 def test_an_output_folder_that_is_a_file(folder):

@@ -137,8 +137,3 @@ def test_a_take_without_sense_is_refused(walk, change, message):
 def test_a_path_is_no_take(function):
     with pytest.raises(UsageError, match=rf"{function} takes a Take.* Got str"):
         getattr(mocapclean, function)("walk.c3d")
-
-
-def test_a_pattern_alone_is_no_list_of_markers(walk):
-    with pytest.raises(UsageError, match=r"markers must be a list of names\. Got 'L\*'"):
-        mocapclean.fill(walk, markers="L*")
