@@ -2,11 +2,11 @@
 
     python benchmarks/rigid_segments.py FOLDER [--seeds 4]
 
-The takes and clusters are those of ``mocapclean bench occlusion``. The markers of a segment have distances with an SD up
-to a limit. In each frame their mean shape is turned and shifted to the answers of the default method, and to the
-measured markers of the segment, by least squares in units of their SD. For each cluster, limit and share of the way from
-the answer to the shape: the geometric mean of the ratio of the errors after and before. Also the share of the square
-error of a segment that is left when the true motion of the segment as a rigid body is put in.
+The takes and clusters are those of ``mocapclean bench occlusion``. The markers of a segment have distances with an SD
+up to a limit. In each frame their mean shape is turned and shifted to the answers of the default method, and to the
+measured markers of the segment, by least squares in units of their SD. Printed for each cluster, limit and share of the
+way from the answer to the shape: the geometric mean of the ratio of the errors after and before. Also the share of the
+square error of a segment that is left when the true motion of the segment as a rigid body is put in.
 """
 
 import argparse
