@@ -74,6 +74,6 @@ def command(**options: Any) -> int:
     Writes EXPERIMENT.csv with one row per finished trial, .json, .txt and figures. Ctrl-C keeps the finished rows. The
     same command then continues; with --overwrite it begins anew.
     """
-    from mocapclean.cli.work import bench
+    from mocapclean.cli.actions import bench
 
     return bench.work(**options)

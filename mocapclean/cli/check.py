@@ -59,6 +59,6 @@ def command(**options: Any) -> int:
     or the configuration is wrong.
     """
     with stages_shown(options):
-        from mocapclean.cli.work import check
+        from mocapclean.cli.actions import check
 
         return check.work(**options)

@@ -21,6 +21,6 @@ from mocapclean.cli.options import Command, examples
 @guarded
 def command(**options: Any) -> int:
     """Print the completion script of a SHELL: for commands, options, methods, keys, and the markers of a take."""
-    from mocapclean.cli.work import completion
+    from mocapclean.cli.actions import completion
 
     return completion.work(**options)

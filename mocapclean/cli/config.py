@@ -25,6 +25,6 @@ from mocapclean.cli.options import FILE, OUTPUT, Command, examples, overwriting
 @guarded
 def command(**options: Any) -> int:
     """Write a configuration, or its schema: give one of --init, --schema and --show."""
-    from mocapclean.cli.work import config
+    from mocapclean.cli.actions import config
 
     return config.work(**options)

@@ -50,6 +50,6 @@ def command(**options: Any) -> int:
     the same tree.
     """
     with stages_shown(options):
-        from mocapclean.cli.work import convert
+        from mocapclean.cli.actions import convert
 
         return convert.work(**options)

@@ -86,6 +86,6 @@ def command(**options: Any) -> int:
     stands for all takes in it and below it; --out-dir then has the same tree.
     """
     with stages_shown(options):
-        from mocapclean.cli.work import fill
+        from mocapclean.cli.actions import fill
 
         return fill.work(**options)

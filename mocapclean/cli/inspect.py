@@ -25,6 +25,6 @@ def command(**options: Any) -> int:
     A folder stands for all takes in it and below it.
     """
     with stages_shown(options):
-        from mocapclean.cli.work import inspect
+        from mocapclean.cli.actions import inspect
 
         return inspect.work(**options)

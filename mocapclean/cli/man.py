@@ -14,6 +14,6 @@ from mocapclean.cli.options import FILE, Command, examples, overwriting
 @guarded
 def command(**options: Any) -> int:
     """Write the manual pages, which 'man mocapclean-fill' shows."""
-    from mocapclean.cli.work import man
+    from mocapclean.cli.actions import man
 
     return man.work(**options)

@@ -19,6 +19,6 @@ def command(**options: Any) -> int:
 
     Methods of other installed packages are listed too. --check exits with code 1 if a law that must hold is broken.
     """
-    from mocapclean.cli.work import methods
+    from mocapclean.cli.actions import methods
 
     return methods.work(**options)

@@ -40,6 +40,6 @@ def command(**options: Any) -> int:
     temporary folder, and its curves are drawn before and after.
     """
     with stages_shown(options):
-        from mocapclean.cli.work import plot
+        from mocapclean.cli.actions import plot
 
         return plot.work(**options)

@@ -22,6 +22,6 @@ def command(**options: Any) -> int:
     among FILES_OR_FOLDERS. A take whose files are not found has its numbers in the page, without
     pictures.
     """
-    from mocapclean.cli.work import report
+    from mocapclean.cli.actions import report
 
     return report.work(**options)

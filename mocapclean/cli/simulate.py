@@ -58,6 +58,6 @@ def command(**options: Any) -> int:
 
     With --faults the markers of NAME.c3d have faults as well, listed in NAME_faults.csv as kind,marker,first,last.
     """
-    from mocapclean.cli.work import simulate
+    from mocapclean.cli.actions import simulate
 
     return simulate.work(**options)

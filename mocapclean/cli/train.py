@@ -55,6 +55,6 @@ def command(**options: Any) -> int:
     A folder stands for all takes in it and below it. All takes must show the same body, with the same markers and rate.
     Only trusted samples are used.
     """
-    from mocapclean.cli.work import train
+    from mocapclean.cli.actions import train
 
     return train.work(**options)

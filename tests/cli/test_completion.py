@@ -12,7 +12,7 @@ from commands import run
 from conftest import SAMPLES
 
 from mocapclean.cli import cli
-from mocapclean.cli.work.completion import PROGRAM, SHELLS, VARIABLE
+from mocapclean.cli.actions.completion import PROGRAM, SHELLS, VARIABLE
 from mocapclean.config.presets import PRESETS
 from mocapclean.detection import RULES
 from mocapclean.solvers import SOLVERS

@@ -9,7 +9,7 @@ import pytest
 from commands import files_in, run
 
 from mocapclean.cli import cli
-from mocapclean.cli.work.man import pages
+from mocapclean.cli.actions.man import pages
 
 PAGES = pages()
 

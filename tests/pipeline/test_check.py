@@ -290,7 +290,7 @@ def test_an_interrupted_check_writes_no_file(takes, tmp_path, monkeypatch):
             signal.raise_signal(signal.SIGINT)
         return "told"
 
-    monkeypatch.setattr("mocapclean.cli.work.check.verdict", interrupt)
+    monkeypatch.setattr("mocapclean.cli.actions.check.verdict", interrupt)
     code, out, err = run(takes, "--workers", "1", "--junit", tmp_path / "check.xml")
     assert code == 130
     assert "takes pass" not in out

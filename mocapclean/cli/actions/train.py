@@ -1,4 +1,4 @@
-"""The work of ``mocapclean train``: learn a dictionary of a body's poses from clean takes."""
+"""The action of ``mocapclean train``: learn a dictionary of a body's poses from clean takes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,7 +12,7 @@ from ruamel.yaml.error import YAMLError
 from tqdm import tqdm
 
 from mocapclean import formats
-from mocapclean.cli.work.arguments import millimetres, names, takes_in
+from mocapclean.cli.actions.arguments import millimetres, names, takes_in
 from mocapclean.dictionaries.body_parts import BodyParts, from_mapping, known_parts
 from mocapclean.dictionaries.training import n_steps, train
 from mocapclean.dictionaries.training_parameters import Params

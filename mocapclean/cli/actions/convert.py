@@ -1,4 +1,4 @@
-"""The work of ``mocapclean convert``: write takes as files of another format."""
+"""The action of ``mocapclean convert``: write takes as files of another format."""
 
 from collections import Counter
 from dataclasses import fields
@@ -9,8 +9,8 @@ import click
 
 from mocapclean import formats, progress
 from mocapclean.batch.inputs import find
+from mocapclean.cli.actions.arguments import resolve_settings
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import resolve_settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import make_folder
 from mocapclean.formats.declarations import DECLARATIONS

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean inspect``: show the content of a take and its gaps; no file is written."""
+"""The action of ``mocapclean inspect``: show the content of a take and its gaps; no file is written."""
 
 from pathlib import Path
 from typing import Any
@@ -6,8 +6,8 @@ from typing import Any
 import click
 
 from mocapclean import progress
+from mocapclean.cli.actions.arguments import resolve_settings, takes_in
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import resolve_settings, takes_in
 from mocapclean.errors import MocapcleanError
 from mocapclean.pipeline.inspection import inspect
 from mocapclean.pipeline.outcome import Outcome

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean man``: the help of every command as a manual page (troff with the macros of man(7))."""
+"""The action of ``mocapclean man``: the help of every command as a manual page (troff with the macros of man(7))."""
 
 import inspect
 from collections.abc import Iterable, Iterator

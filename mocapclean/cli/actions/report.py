@@ -1,4 +1,4 @@
-"""The work of ``mocapclean report``: the page of a report, with pictures of the takes whose files are found."""
+"""The action of ``mocapclean report``: the page of a report, with pictures of the takes whose files are found."""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean completion``: click's script, with a few lines in another form."""
+"""The action of ``mocapclean completion``: click's script, with a few lines in another form."""
 
 import click
 from click.shell_completion import BashComplete, FishComplete, ShellComplete, ZshComplete

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean fill``: repair takes, and write them and their reports."""
+"""The action of ``mocapclean fill``: repair takes, and write them and their reports."""
 
 import contextlib
 from collections import Counter
@@ -14,9 +14,9 @@ from mocapclean.batch.journal import Journal, earlier_outputs
 from mocapclean.batch.plan import make_folders, plan, report_name
 from mocapclean.batch.pool import JobResults, Stop, run
 from mocapclean.batch.repairing import FinishedTake, Repair, RepairJob, failed_outcome
+from mocapclean.cli.actions.arguments import resolve_settings
+from mocapclean.cli.actions.batching import TakeBar, one_take_alone, select_inputs, stopping, worker_limits
 from mocapclean.cli.guard import INTERRUPTED, complain
-from mocapclean.cli.work.arguments import resolve_settings
-from mocapclean.cli.work.batching import TakeBar, one_take_alone, select_inputs, stopping, worker_limits
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError, printable
 from mocapclean.files import new_file

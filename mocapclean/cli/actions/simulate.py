@@ -1,4 +1,4 @@
-"""The work of ``mocapclean simulate``: write simulated takes with gaps, faults and the truth, in all three formats."""
+"""The action of ``mocapclean simulate``: write simulated takes with gaps, faults and the truth, as C3D, BVH and AMC."""
 
 import csv
 from collections.abc import Callable, Sequence

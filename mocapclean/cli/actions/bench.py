@@ -1,4 +1,4 @@
-"""The work of ``mocapclean bench``: run the papers' experiments, and show the results beside the printed values."""
+"""The action of ``mocapclean bench``: run the papers' experiments, and show the results beside the printed values."""
 
 import json
 from collections.abc import Sequence
@@ -9,8 +9,8 @@ import click
 from tqdm import tqdm
 
 from mocapclean import formats
+from mocapclean.cli.actions.arguments import millimetres, takes_in
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import millimetres, takes_in
 from mocapclean.config.yaml_files import scalar
 from mocapclean.dictionaries.dictionary import load
 from mocapclean.errors import MocapcleanError, UsageError

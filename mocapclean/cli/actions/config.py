@@ -1,4 +1,4 @@
-"""The work of ``mocapclean config``: a configuration with every key, its JSON Schema, and what one comes to."""
+"""The action of ``mocapclean config``: a configuration with every key, its JSON Schema, and what one comes to."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean plot``: figures of takes as PNG, SVG or PDF; the takes are not changed."""
+"""The action of ``mocapclean plot``: figures of takes as PNG, SVG or PDF; the takes are not changed."""
 
 import tempfile
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from mocapclean.batch.inputs import find
-from mocapclean.cli.work.arguments import resolve_settings
+from mocapclean.cli.actions.arguments import resolve_settings
 from mocapclean.config.settings import Settings
 from mocapclean.errors import MocapcleanError, UsageError
 from mocapclean.files import check_output, new_file

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
+"""The action of ``mocapclean check``: check takes against limits, for people and for CI; the takes are not changed."""
 
 import contextlib
 import os
@@ -11,9 +11,9 @@ from typing import Any
 import click
 
 from mocapclean.batch.pool import JobResults, run
+from mocapclean.cli.actions.arguments import resolve_settings, takes_in
+from mocapclean.cli.actions.batching import TakeBar, one_take_alone, stopping, worker_limits
 from mocapclean.cli.guard import complain
-from mocapclean.cli.work.arguments import resolve_settings, takes_in
-from mocapclean.cli.work.batching import TakeBar, one_take_alone, stopping, worker_limits
 from mocapclean.config.presets import PRESETS
 from mocapclean.config.settings import Settings, TakeLimits
 from mocapclean.errors import MocapcleanError, UsageError

@@ -1,4 +1,4 @@
-"""The work of ``mocapclean methods``: every method, its parameters, defaults and reference."""
+"""The action of ``mocapclean methods``: every method, its parameters, defaults and reference."""
 
 import inspect
 from dataclasses import fields
